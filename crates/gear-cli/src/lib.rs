@@ -1,0 +1,1 @@
+//! The binary gear: arguments, progress, exit codes

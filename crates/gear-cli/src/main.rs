@@ -1,0 +1,2 @@
+//! The binary `gear`.
+fn main() {}

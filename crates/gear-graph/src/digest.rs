@@ -1,0 +1,76 @@
+//! Content digests: BLAKE3, 32 bytes.
+
+use std::fmt;
+
+/// The BLAKE3 digest of a value's canonical content, or of a key.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Digest(pub [u8; 32]);
+
+impl Digest {
+    /// Digest of raw bytes.
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(*blake3::hash(bytes).as_bytes())
+    }
+
+    /// Lower-case hexadecimal, 64 characters.
+    pub fn hex(&self) -> String {
+        blake3::Hash::from_bytes(self.0).to_hex().to_string()
+    }
+}
+
+impl fmt::Debug for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", &self.hex()[..16])
+    }
+}
+
+/// Builds a [`Digest`] from typed parts. Every part is prefixed by its length, so that
+/// no two different sequences of parts hash alike.
+#[derive(Default)]
+pub struct Hasher(blake3::Hasher);
+
+impl Hasher {
+    /// A hasher for one kind of content; `domain` separates kinds.
+    pub fn new(domain: &str) -> Self {
+        let mut hasher = Self::default();
+        hasher.bytes(domain.as_bytes());
+        hasher
+    }
+
+    /// Adds a byte string.
+    pub fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
+        self.0.update(&(bytes.len() as u64).to_le_bytes());
+        self.0.update(bytes);
+        self
+    }
+
+    /// Adds an integer.
+    pub fn u64(&mut self, x: u64) -> &mut Self {
+        self.0.update(&x.to_le_bytes());
+        self
+    }
+
+    /// Adds f32 samples by their bits (length first). NaNs hash by their bits too.
+    pub fn f32s(&mut self, xs: &[f32]) -> &mut Self {
+        self.u64(xs.len() as u64);
+        let mut buffer = [0u8; 4096];
+        for chunk in xs.chunks(buffer.len() / 4) {
+            for (bytes, x) in buffer.chunks_exact_mut(4).zip(chunk) {
+                bytes.copy_from_slice(&x.to_le_bytes());
+            }
+            self.0.update(&buffer[..chunk.len() * 4]);
+        }
+        self
+    }
+
+    /// Adds another digest.
+    pub fn digest(&mut self, digest: &Digest) -> &mut Self {
+        self.0.update(&digest.0);
+        self
+    }
+
+    /// The digest of everything added so far.
+    pub fn finish(&self) -> Digest {
+        Digest(*self.0.finalize().as_bytes())
+    }
+}

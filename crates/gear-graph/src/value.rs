@@ -1,0 +1,57 @@
+//! What travels on the edges of a graph.
+
+use std::any::Any;
+
+use crate::Digest;
+
+/// Why a stored value could not be written or read.
+#[derive(Debug, thiserror::Error)]
+#[error("{what}: {cause}")]
+pub struct ValueError {
+    /// The value's type or file.
+    pub what: String,
+    /// What was found and what was expected.
+    pub cause: String,
+}
+
+impl ValueError {
+    /// An error about `what`, caused by `cause`.
+    pub fn new(what: impl Into<String>, cause: impl Into<String>) -> Self {
+        Self {
+            what: what.into(),
+            cause: cause.into(),
+        }
+    }
+}
+
+/// A short, ordered, human-readable numeric description of a value, for snapshots, diffs and reports.
+pub type Summary = serde_json::Map<String, serde_json::Value>;
+
+/// A typed value on an edge: immutable, shared, hashed by content, stored in a format that other tools open.
+pub trait Value: Any + Send + Sync + Sized + 'static {
+    /// The type's name in graphs and messages, such as `"Image"`.
+    const TYPE: &'static str;
+
+    /// The file extension of [`Value::encode`]'s format, such as `"exr"`.
+    const EXTENSION: &'static str;
+
+    /// Digest of the canonical value, not of its encoding.
+    fn digest(&self) -> Digest;
+
+    /// Approximate size in memory, in bytes.
+    fn size_bytes(&self) -> usize;
+
+    /// Encodes losslessly: `decode(encode(v))` has the digest of `v`.
+    fn encode(&self) -> Result<Vec<u8>, ValueError>;
+
+    /// Decodes what [`Value::encode`] wrote. Must not panic on any bytes.
+    fn decode(bytes: &[u8]) -> Result<Self, ValueError>;
+
+    /// Shape, range, means: what a person wants to see in a diff.
+    fn summary(&self) -> Summary;
+
+    /// Named extreme cases of this type, for testing nodes.
+    fn extremes() -> Vec<(&'static str, Self)> {
+        Vec::new()
+    }
+}

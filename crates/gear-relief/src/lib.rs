@@ -1,0 +1,1 @@
+//! From picture to surface: mask, inflation, light fit, shape from shading, surfels

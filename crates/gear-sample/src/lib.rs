@@ -1,0 +1,1 @@
+//! Procedural paintings with known depth and normals
