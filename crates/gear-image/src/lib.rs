@@ -4,5 +4,6 @@
 //! [`SrgbImage`] holds encoded values, [`LinearImage`] linear light.
 
 mod raster;
+pub mod solve;
 
 pub use raster::{Field, Image, Linear, LinearImage, Mask, Rgb, Space, Srgb, SrgbImage};
