@@ -3,10 +3,13 @@
 //! World: x right, y up, z towards the viewer of the canonical camera. A painting's longer side spans 1 world unit.
 //! Camera space: x right, y down, z forward (depth grows away from the camera).
 
+mod bounds;
 mod camera;
 mod scene;
+pub mod sh;
 mod views;
 
-pub use camera::{Camera, Projection};
-pub use scene::Scene;
+pub use bounds::Bounds;
+pub use camera::{Camera, FRONT_DISTANCE, Projected, Projection, Ray};
+pub use scene::{Gaussian, Scene, SceneError, logit, sigmoid};
 pub use views::{View, Views};
