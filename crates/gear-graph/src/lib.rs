@@ -1,9 +1,29 @@
-//! Typed dataflow graphs: nodes, YAML, planning, scheduling, storing.
-//!
-//! The framework knows no image and no Gaussian: it is generic over [`Value`]s.
+#![doc = include_str!("../README.md")]
 
+// The derive macros name this crate `::gear_graph`, also when they are used within it.
+extern crate self as gear_graph;
+
+mod any;
 mod digest;
+pub mod graph;
+mod node;
+mod params;
+mod registry;
+pub mod testing;
 mod value;
+mod values;
 
+pub use any::{AnyValue, ValueType};
 pub use digest::{Digest, Hasher};
+pub use gear_graph_derive::{Choice, Inputs, Outputs, Params};
+pub use node::{
+    Context, Demand, FileSource, InputField, Inputs, Known, Lazy, Loader, Node, NodeError, Numerics, OutputField,
+    Outputs, PortSpec, Progress, Slots, Want, Wanted,
+};
+pub use params::{
+    Fields, Limits, OrAuto, Param, ParamKind, ParamSpec, ParamValue, ParamValues, Params, Problem, Reader, Severity,
+    Span, Spanned, Tree, TreeKind, Variant, tagged,
+};
+pub use registry::{LoaderSpec, LoaderType, NodeSpec, NodeType, Registry};
 pub use value::{Summary, Value, ValueError};
+pub use values::{Number, Report};

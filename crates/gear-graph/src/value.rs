@@ -2,7 +2,7 @@
 
 use std::any::Any;
 
-use crate::Digest;
+use crate::{Digest, Numerics};
 
 /// Why a stored value could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +34,10 @@ pub trait Value: Any + Send + Sync + Sized + 'static {
 
     /// The file extension of [`Value::encode`]'s format, such as `"exr"`.
     const EXTENSION: &'static str;
+
+    /// The crate that computes with this type and the version of its numerics: part of the key of every node that
+    /// has the type at a port. Raised when results change although no node's version did.
+    const NUMERICS: Numerics = Numerics::new("", 1);
 
     /// Digest of the canonical value, not of its encoding.
     fn digest(&self) -> Digest;

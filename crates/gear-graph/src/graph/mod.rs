@@ -1,0 +1,5 @@
+//! Graph files.
+
+mod suggest;
+
+pub use suggest::nearest;

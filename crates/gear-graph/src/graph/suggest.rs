@@ -1,0 +1,51 @@
+//! The nearest name to a misspelt one.
+
+/// The name that `word` was most likely meant to be, if one is near: edit distance (with swaps of neighbours) of at
+/// most a third of the longer word, ignoring case.
+pub fn nearest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let lower = word.to_lowercase();
+    names
+        .into_iter()
+        .map(|name| (distance(&lower, &name.to_lowercase()), name))
+        .filter(|(distance, name)| *distance <= (word.chars().count().max(name.chars().count()) / 3).max(1))
+        .min()
+        .map(|(_, name)| name)
+}
+
+/// Optimal string alignment distance.
+fn distance(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+    // Names of a graph are short; what is absurdly long is near nothing.
+    if a.len().max(b.len()) > 256 {
+        return usize::MAX;
+    }
+    let mut before: Vec<usize> = Vec::new();
+    let mut above: Vec<usize> = (0..=b.len()).collect();
+    for i in 1..=a.len() {
+        let mut row = vec![i; b.len() + 1];
+        for j in 1..=b.len() {
+            let swap = usize::from(a[i - 1] != b[j - 1]);
+            row[j] = (above[j - 1] + swap).min(above[j] + 1).min(row[j - 1] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                row[j] = row[j].min(before[j - 2] + 1);
+            }
+        }
+        before = std::mem::replace(&mut above, row);
+    }
+    above[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slip_finds_its_name_and_a_stranger_finds_none() {
+        let names = ["LogRatio", "Pyramid", "Recompose"];
+        assert_eq!(nearest("logratio", names), Some("LogRatio"));
+        assert_eq!(nearest("Pyarmid", names), Some("Pyramid"));
+        assert_eq!(nearest("Recompse", names), Some("Recompose"));
+        assert_eq!(nearest("Blur", names), None);
+        assert_eq!(nearest("", names), None);
+    }
+}

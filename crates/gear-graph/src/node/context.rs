@@ -1,0 +1,121 @@
+//! What a running node may use besides its inputs.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+
+use crate::NodeError;
+
+/// How far a node has come.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress {
+    /// Share done, 0 to 1.
+    pub fraction: f64,
+    /// A short remark, such as `loss 0.0123`; may be empty.
+    pub message: String,
+}
+
+type Listener = dyn Fn(Progress) + Send + Sync;
+
+/// What a running node may use besides its inputs: progress, interruption, notes. Cheap to clone and to share with
+/// other threads. `tracing` events of a node land in the span of its run.
+#[derive(Clone)]
+pub struct Context {
+    cancelled: Arc<AtomicBool>,
+    listener: Option<Arc<Listener>>,
+    notes: Arc<Mutex<Vec<String>>>,
+    seed: u64,
+}
+
+impl Context {
+    /// A context that nobody listens to, for tests and for use outside a graph.
+    pub fn detached() -> Self {
+        Self::new(Arc::new(AtomicBool::new(false)), None, 0)
+    }
+
+    /// A context whose run is interrupted when `cancelled` becomes true, and whose progress goes to `listener`.
+    pub fn new(cancelled: Arc<AtomicBool>, listener: Option<Arc<Listener>>, seed: u64) -> Self {
+        Self {
+            cancelled,
+            listener,
+            notes: Arc::default(),
+            seed,
+        }
+    }
+
+    /// Reports progress: the share done (0 to 1).
+    pub fn progress(&self, fraction: f64) {
+        self.progress_with(fraction, "");
+    }
+
+    /// Reports progress with a short remark, such as the loss.
+    pub fn progress_with(&self, fraction: f64, message: impl Into<String>) {
+        if let Some(listener) = &self.listener {
+            listener(Progress {
+                fraction: fraction.clamp(0.0, 1.0),
+                message: message.into(),
+            });
+        }
+    }
+
+    /// Returns [`NodeError::Cancelled`] once the run is interrupted. A node that takes long asks at least every
+    /// half second, and hands the error on.
+    pub fn checkpoint(&self) -> Result<(), NodeError> {
+        if self.is_cancelled() {
+            Err(NodeError::Cancelled)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Whether the run is interrupted.
+    pub fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Leaves a note for the user, such as `3 pixels were not finite and became black`. Notes are kept with the
+    /// result and shown again when it comes from the store, so they must be as deterministic as the result.
+    pub fn note(&self, note: impl Into<String>) {
+        self.notes
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .push(note.into());
+    }
+
+    /// The notes left so far.
+    pub fn notes(&self) -> Vec<String> {
+        self.notes
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .clone()
+    }
+
+    /// A seed that depends on the node's type and parameters only, for counter-based random numbers.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interrupted_context_stops_at_the_next_checkpoint() {
+        let flag = Arc::new(AtomicBool::new(false));
+        let ctx = Context::new(Arc::clone(&flag), None, 0);
+        assert!(ctx.checkpoint().is_ok());
+        flag.store(true, Ordering::Relaxed);
+        assert!(matches!(ctx.checkpoint(), Err(NodeError::Cancelled)));
+    }
+
+    #[test]
+    fn progress_stays_between_zero_and_one() {
+        let seen = Arc::new(Mutex::new(Vec::new()));
+        let sink = Arc::clone(&seen);
+        let listener: Arc<Listener> = Arc::new(move |p: Progress| sink.lock().unwrap().push(p.fraction));
+        let ctx = Context::new(Arc::default(), Some(listener), 0);
+        ctx.progress(-1.0);
+        ctx.progress_with(7.0, "done");
+        assert_eq!(*seen.lock().unwrap(), [0.0, 1.0]);
+    }
+}
