@@ -1,0 +1,108 @@
+//! The base: the body a silhouette suggests.
+//!
+//! *Figure.* `−Δu + puff·ink·u = 4` on the mask, `u = 0` outside it, open at the picture's frame, and
+//! `h = inflate·√u`. On a disc `u = ρ² − r²`, so h is the exact hemisphere; on a strip it is a cylinder's profile. The
+//! operator is an M-matrix: `0 ≤ u ≤ u|puff=0`, and u falls as `puff` grows.
+//!
+//! *Relief.* A whole canvas has no silhouette. Contours of every kind absorb, `1/ℓ²` bounds the height by 2ℓ, the
+//! source follows the density of contours (figures rather than sky), and a ramp makes the lower part of the
+//! picture nearer: `−Δu + (κE² + puff·ink + 1/ℓ²) u = 4F`, `h = 1.2 √u + ramp·y`.
+//!
+//! Absorptions are given for a picture whose longer side is 1 and divided by the side squared, so a surface does
+//! not depend on the resolution.
+
+use gear_image::filter::{gaussian, gradient};
+use gear_image::solve::{Coefficients, GridSystem, Outside, SolveOptions};
+use gear_image::{Field, LinearImage, Mask, math, stats};
+
+use crate::fields::{map, zip};
+
+/// How the body is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseSettings {
+    /// Depth of the inflated silhouette relative to a circular profile.
+    pub inflate: f32,
+    /// Absorption of full ink, for a longer side of 1. 0: lines do nothing; large: every line is a crease.
+    pub puff: f32,
+    /// Relief mode: height gained from the upper to the lower rim, as a share of the picture's height.
+    pub ramp: f32,
+}
+
+impl Default for BaseSettings {
+    fn default() -> Self {
+        Self {
+            inflate: 1.0,
+            puff: 1100.0,
+            ramp: 0.15,
+        }
+    }
+}
+
+/// Absorption of a full contour in relief mode, for a longer side of 1.
+const CONTOUR_ABSORPTION: f32 = 4400.0;
+/// ℓ of relief mode, as a share of the longer side.
+const RELIEF_LENGTH: f32 = 0.10;
+
+/// The inflated silhouette, in pixels; 0 outside the mask.
+pub fn inflated(mask: &Mask, ink: Option<&Field>, settings: &BaseSettings) -> Field {
+    let side = mask.longer_side() as f32;
+    let absorption = ink.map(|ink| map(ink, |ink| settings.puff * ink / (side * side)));
+    let system = GridSystem::new(
+        mask,
+        &Coefficients {
+            absorption: absorption.as_ref(),
+            outside: Outside::Zero,
+            ..Default::default()
+        },
+    );
+    let solution = system.solve(&vec![4.0; mask.len()], None, SolveOptions::default());
+    let u = solution.to_field(mask.width(), mask.height());
+    map(&u, |u| settings.inflate * u.max(0.0).sqrt())
+}
+
+/// The height of a whole canvas, in pixels.
+pub fn relief(image: &LinearImage, ink: &Field, settings: &BaseSettings) -> Field {
+    let (width, height) = image.size();
+    let side = image.longer_side() as f32;
+    let contours = contours(image);
+    let density = gaussian(&contours, f64::from(0.04 * side));
+    let low = stats::quantile(density.data(), 0.05).unwrap_or(0.0);
+    let high = stats::quantile(density.data(), 0.95).unwrap_or(0.0);
+    let source: Vec<f64> = density
+        .data()
+        .iter()
+        .map(|d| 4.0 * (0.1 + 0.9 * f64::from(((d - low) / (high - low).max(1e-6)).clamp(0.0, 1.0))))
+        .collect();
+    let per_pixel = 1.0 / (side * side);
+    let absorption = zip(&contours, ink, |e, ink| {
+        (CONTOUR_ABSORPTION * e * e + settings.puff * ink + 1.0 / (RELIEF_LENGTH * RELIEF_LENGTH)) * per_pixel
+    });
+    let canvas = Mask::filled(width, height, true);
+    let coefficients = Coefficients {
+        absorption: Some(&absorption),
+        ..Default::default()
+    };
+    let solution = GridSystem::new(&canvas, &coefficients).solve(&source, None, SolveOptions::default());
+    Field::from_fn(width, height, |x, y| {
+        let u = solution.values[y * width + x].max(0.0) as f32;
+        1.2 * u.sqrt() + settings.ramp * y as f32
+    })
+}
+
+/// Soft contours in [0, 1]: the gradient of the cube-root (Lab-like) colour, scaled by its 98 % quantile.
+/// The scale grows with the picture: relief is about figures, not about brush strokes.
+pub fn contours(image: &LinearImage) -> Field {
+    let (width, height) = image.size();
+    let sigma = (image.longer_side() as f64 / 192.0).max(1.0);
+    let mut squares = Field::filled(width, height, 0.0);
+    for channel in 0..3 {
+        let plane = image.data().iter().map(|c| math::cbrt(c[channel].max(0.0))).collect();
+        let (gx, gy) = gradient(&gaussian(&Field::from_vec(width, height, plane), sigma));
+        for ((sum, gx), gy) in squares.data_mut().iter_mut().zip(gx.data()).zip(gy.data()) {
+            *sum += gx * gx + gy * gy;
+        }
+    }
+    let slope = map(&squares, f32::sqrt);
+    let scale = stats::quantile(slope.data(), 0.98).unwrap_or(0.0);
+    map(&slope, |s| if scale > 1e-6 { (s / scale).min(1.0) } else { 0.0 })
+}

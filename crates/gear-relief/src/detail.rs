@@ -1,0 +1,149 @@
+//! Detail: what the shading says beyond the base, and nothing else.
+//!
+//! The residual `(S − a)/g − n_b·l` is freed of its masked Gaussian mean, then turned into height by alternating
+//! two steps: every normal moves along the light's tangent until it meets its shading (Newton length, soft
+//! dead zone `r³/(r² + τ²)`), and the slopes are integrated, held to the base,
+//!
+//! ```text
+//! (hold − Δ) h = −div(p, q) + hold·h_b
+//! ```
+//!
+//! One operator serves all iterations. Slopes are clipped, so |h − h_b| ≤ C·slope/√hold whatever the shading. The
+//! alternation is not run to convergence: truth error is flat from 10 to 40 iterations, early stopping regularises.
+//!
+//! *Detail owns no low frequency.* The body comes from the silhouette alone: a wrong light, or a posterised tone,
+//! is smooth over large distances and would bend it. So the height difference `h − h_b` is itself freed of
+//! its masked Gaussian mean before it is added.
+
+use gear_image::filter::{dilate_field, gradient};
+use gear_image::solve::{Coefficients, GridSystem, SolveOptions};
+use gear_image::{Field, Mask};
+
+use crate::fields::{dot, eroded, masked, normals, weighted_gaussian, zip};
+use crate::light::{Calibration, LEAST_TRUST, LightFit, base_normals};
+use crate::shading::Shading;
+
+/// How detail is drawn from shading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DetailSettings {
+    /// Alternations; 0 leaves the base.
+    pub iterations: usize,
+    /// Share of the Newton step taken.
+    pub step: f32,
+    /// Largest structure of the shading, as a share of the square root of the mask's area.
+    pub scale: f32,
+    /// Length over which the height is held to the base, as a share of the longer side.
+    pub hold: f32,
+    /// Steepest slope.
+    pub slope: f32,
+    /// Share of the detail that is added.
+    pub amount: f32,
+}
+
+impl Default for DetailSettings {
+    fn default() -> Self {
+        Self {
+            iterations: 10,
+            step: 0.8,
+            scale: 0.09,
+            hold: 0.08,
+            slope: 4.0,
+            amount: 1.0,
+        }
+    }
+}
+
+/// The detail height in pixels, to be added to `base`; 0 outside the mask, and everywhere when the light is not
+/// trusted. `iterations` are reported to `progress`, which may stop early by returning false.
+pub fn detail(
+    shading: &Shading,
+    base: &Field,
+    ink: &Field,
+    mask: &Mask,
+    light: &LightFit,
+    calibration: &Calibration,
+    settings: &DetailSettings,
+) -> Field {
+    let (width, height) = mask.size();
+    let nothing = Field::filled(width, height, 0.0);
+    if light.trust < LEAST_TRUST || settings.iterations == 0 || mask.count() == 0 {
+        return nothing;
+    }
+    let lines = dilate_field(ink, 1);
+    let mut inner = eroded(mask, 3);
+    for (inner, &ink) in inner.data_mut().iter_mut().zip(lines.data()) {
+        *inner &= ink < 0.5;
+    }
+    let inner_weight = inner.to_field();
+    let l = light.direction;
+    let base_normals = base_normals(base, mask);
+    let large = f64::from(settings.scale) * (mask.count() as f64).sqrt();
+    let large = large.max(4.0);
+
+    let expected = Field::from_vec(width, height, base_normals.iter().map(|&n| dot(n, l)).collect());
+    let residual = zip(&shading.shading, &expected, |s, e| {
+        ((s - light.ambient) / light.gain.max(1e-6) - e).clamp(-1.0, 1.0)
+    });
+    let mean = weighted_gaussian(&residual, &inner_weight, large);
+    let target = Field::from_vec(
+        width,
+        height,
+        (0..mask.len())
+            .map(|p| {
+                let detail = if inner.data()[p] { residual.data()[p] - mean.data()[p] } else { 0.0 };
+                expected.data()[p] + detail
+            })
+            .collect(),
+    );
+
+    let side = mask.longer_side() as f32;
+    let hold = 1.0 / (settings.hold * side * settings.hold * side);
+    let system = GridSystem::new(
+        mask,
+        &Coefficients {
+            screening: hold,
+            ..Default::default()
+        },
+    );
+    let dead_zone = calibration.core * shading.noise / light.gain.max(1e-6) + 0.02;
+    let limit = settings.slope;
+    let (base_x, base_y) = gradient(base);
+    let mut current: Option<Vec<f64>> = None;
+    let mut n = base_normals;
+    for _ in 0..settings.iterations {
+        let mut slope_x = base_x.clone();
+        let mut slope_y = base_y.clone();
+        for p in 0..mask.len() {
+            if !inner.data()[p] {
+                slope_x.data_mut()[p] = base_x.data()[p].clamp(-limit, limit);
+                slope_y.data_mut()[p] = base_y.data()[p].clamp(-limit, limit);
+                continue;
+            }
+            let c = dot(n[p], l);
+            let r = target.data()[p] - c;
+            let r = (r * r * r / (r * r + dead_zone * dead_zone)).clamp(-0.7, 0.7) * light.trust;
+            let step = settings.step * r / (1.0 - c * c).max(0.2);
+            let turned: [f32; 3] = std::array::from_fn(|i| n[p][i] + step * (l[i] - c * n[p][i]));
+            let z = turned[2].max(1e-2);
+            slope_x.data_mut()[p] = (-turned[0] / z).clamp(-limit, limit);
+            slope_y.data_mut()[p] = (-turned[1] / z).clamp(-limit, limit);
+        }
+        let mut rhs = system.divergence_of_pixels(&slope_x, &slope_y);
+        for (rhs, base) in rhs.iter_mut().zip(base.data()) {
+            *rhs += f64::from(hold) * f64::from(*base);
+        }
+        let options = SolveOptions { tolerance: 1e-4, max_iterations: 30 };
+        let solution = system.solve(&rhs, current.as_deref(), options);
+        n = normals(&solution.to_field(width, height));
+        current = Some(solution.values);
+    }
+    let Some(current) = current else { return nothing };
+    let difference = Field::from_vec(
+        width,
+        height,
+        current.iter().zip(base.data()).map(|(&h, &b)| h as f32 - b).collect(),
+    );
+    let weight = mask.to_field();
+    let mean = weighted_gaussian(&difference, &weight, large);
+    masked(&zip(&difference, &mean, |d, m| settings.amount * (d - m)), mask)
+}

@@ -1,0 +1,98 @@
+//! The whole chain from a picture and its mask to a height field.
+
+use gear_image::{Field, LinearImage, Mask};
+
+use crate::base::BaseSettings;
+use crate::detail::{self, DetailSettings};
+use crate::fields::zip;
+use crate::ink::InkSettings;
+use crate::light::{self, Calibration, LightFit};
+use crate::shading::{self, ShadingSettings};
+
+/// Settings of every step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeightSettings {
+    /// Lines.
+    pub ink: InkSettings,
+    /// Body.
+    pub base: BaseSettings,
+    /// Split of shading and paint.
+    pub shading: ShadingSettings,
+    /// What shading is believed.
+    pub calibration: Calibration,
+    /// Detail.
+    pub detail: DetailSettings,
+}
+
+impl Default for HeightSettings {
+    fn default() -> Self {
+        Self {
+            ink: InkSettings::default(),
+            base: BaseSettings::default(),
+            shading: ShadingSettings::default(),
+            calibration: Calibration::NATURAL,
+            detail: DetailSettings::default(),
+        }
+    }
+}
+
+/// What kind of surface was made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// A body inflated from a silhouette.
+    Figure,
+    /// A relief over the whole canvas.
+    Relief,
+}
+
+/// A height field and how it came about. Rasters have the picture's size.
+#[derive(Clone, Debug)]
+pub struct Relief {
+    /// Height in pixels towards the viewer, at least 0; 0 outside the mask.
+    pub height: Field,
+    /// The base alone, in pixels.
+    pub base: Field,
+    /// The mask the surface lives on: the one given, or the whole canvas for an empty one.
+    pub mask: Mask,
+    /// Figure or relief.
+    pub mode: Mode,
+    /// The light fit; `None` when shading was not looked at.
+    pub light: Option<LightFit>,
+    /// Robust deviation of brushwork, log luminance; 0 when shading was not looked at.
+    pub noise: f32,
+    /// Whether detail from shading was solved for.
+    pub detailed: bool,
+}
+
+/// Estimates the height of what `image` shows inside `mask`. A full or an empty mask means the whole canvas as a
+/// relief. Without iterations of detail the shading is not looked at.
+pub fn estimate(image: &LinearImage, mask: &Mask, settings: &HeightSettings) -> Relief {
+    let (width, height) = image.size();
+    let mode = if mask.is_full() || mask.count() == 0 { Mode::Relief } else { Mode::Figure };
+    let mask = match mode {
+        Mode::Relief => Mask::filled(width, height, true),
+        Mode::Figure => mask.clone(),
+    };
+    let (ink, base) = light::foundation(image, &mask, &settings.ink, &settings.base);
+    let mut relief = Relief {
+        height: base.clone(),
+        base,
+        mask,
+        mode,
+        light: None,
+        noise: 0.0,
+        detailed: false,
+    };
+    if settings.detail.iterations > 0 && !relief.mask.is_empty() {
+        let shading = shading::shading(image, &relief.mask, &ink, &settings.shading);
+        let fit = light::fit(&shading, &relief.base, &relief.mask, &settings.calibration);
+        let (base, mask) = (&relief.base, &relief.mask);
+        let detail =
+            detail::detail(&shading, base, &ink, mask, &fit, &settings.calibration, &settings.detail);
+        relief.height = zip(base, &detail, |b, d| (b + d).max(0.0));
+        relief.detailed = fit.trust >= light::LEAST_TRUST;
+        relief.light = Some(fit);
+        relief.noise = shading.noise;
+    }
+    relief
+}
