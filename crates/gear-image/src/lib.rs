@@ -7,10 +7,12 @@
 //! rows or fixed chunks, sums have a fixed shape ([`stats`]), and transcendental functions are our own ([`math`]).
 
 pub mod colour;
+mod exr_file;
 pub mod filter;
 pub mod math;
 mod raster;
 pub mod solve;
 pub mod stats;
+mod value;
 
 pub use raster::{Field, Image, Linear, LinearImage, Mask, Rgb, Space, Srgb, SrgbImage};
