@@ -56,6 +56,19 @@ pub fn to_srgb_slice(xs: &mut [f32]) {
     }
 }
 
+/// Decodes encoded colour to light that is finite and non-negative (see [`sanitise_sample`]): what nodes start
+/// from.
+pub fn light(image: &SrgbImage) -> LinearImage {
+    convert::<Srgb, Linear>(image, light_slice)
+}
+
+#[multiversion(targets = "simd")]
+fn light_slice(xs: &mut [f32]) {
+    for x in xs {
+        *x = sanitise_sample(to_linear(*x));
+    }
+}
+
 fn convert<A: Space, B: Space>(image: &Rgb<A>, f: impl Fn(&mut [f32]) + Sync + Send) -> Rgb<B> {
     let mut data = image.data().to_vec();
     data.par_chunks_mut(1 << 13)

@@ -7,6 +7,7 @@
 //! rows or fixed chunks, sums have a fixed shape ([`stats`]), and transcendental functions are our own ([`math`]).
 
 pub mod colour;
+pub mod edges;
 mod exr_file;
 pub mod filter;
 pub mod math;

@@ -114,22 +114,59 @@ pub(crate) fn pad_row(row: &[f32], channels: usize, radius: usize, line: &mut Ve
     }
 }
 
-fn blur(data: &[f32], width: usize, height: usize, channels: usize, sigma: f64) -> Vec<f32> {
-    let half = kernel(sigma);
-    let stride = width * channels;
+fn blur_rows(data: &[f32], stride: usize, channels: usize, half: &[f32]) -> Vec<f32> {
     let mut across = vec![0.0f32; data.len()];
     across
         .par_chunks_mut(stride)
         .zip(data.par_chunks(stride))
         .for_each_init(Vec::new, |line, (out, row)| {
             pad_row(row, channels, half.len() - 1, line);
-            convolve_line(line, out, &half, channels);
+            convolve_line(line, out, half, channels);
         });
+    across
+}
+
+fn blur(data: &[f32], width: usize, height: usize, channels: usize, sigma: f64) -> Vec<f32> {
+    let half = kernel(sigma);
+    let stride = width * channels;
+    let across = blur_rows(data, stride, channels, &half);
     let mut out = vec![0.0f32; data.len()];
     out.par_chunks_mut(stride)
         .enumerate()
         .for_each(|(y, out)| convolve_column(&across, stride, height, y, out, &half));
     out
+}
+
+/// Blurs each channel and hands every blurred row (interleaved, r g b r g b …) to `f` with its index and the
+/// matching row of `out`, instead of storing the blurred image: the memory traffic saved is a third of the work.
+pub fn gaussian_rgb_rows<S: Space, T: Send>(
+    image: &Rgb<S>,
+    sigma: f64,
+    out: &mut [T],
+    f: impl Fn(usize, &[f32], &mut [T]) + Sync,
+) {
+    let (width, height) = image.size();
+    assert_eq!(out.len(), image.len(), "one output a pixel");
+    if image.is_empty() {
+        return;
+    }
+    if sigma.is_nan() || sigma <= 0.0 || sigma > DIRECT_SIGMA {
+        let blurred = gaussian_rgb(image, sigma);
+        out.par_chunks_mut(width)
+            .enumerate()
+            .for_each(|(y, out)| f(y, blurred.row(y).as_flattened(), out));
+        return;
+    }
+    let half = kernel(sigma);
+    let stride = width * 3;
+    let across = blur_rows(image.data().as_flattened(), stride, 3, &half);
+    out.par_chunks_mut(width).enumerate().for_each_init(
+        || vec![0.0; stride],
+        |row, (y, out)| {
+            convolve_column(&across, stride, height, y, row, &half);
+            f(y, row, out);
+        },
+    );
 }
 
 /// How far to reduce before blurring with a wide kernel, and the σ left to apply there.
