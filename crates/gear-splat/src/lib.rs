@@ -5,11 +5,15 @@
 
 mod bounds;
 mod camera;
+pub mod cpu;
+pub mod reference;
+pub mod render;
 mod scene;
 pub mod sh;
 mod views;
 
 pub use bounds::Bounds;
 pub use camera::{Camera, FRONT_DISTANCE, Projected, Projection, Ray};
+pub use render::{Outputs, RenderOptions, Rendering, ScreenFilter, render};
 pub use scene::{Gaussian, Scene, SceneError, logit, sigmoid};
 pub use views::{View, Views};

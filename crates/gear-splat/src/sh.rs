@@ -3,7 +3,7 @@
 //! Colour of a Gaussian seen along the unit direction d (camera to Gaussian): `0.5 + Σ_k Y_k(d) · c_k`, where `c_0`
 //! is `f_dc` and `c_1…` are `f_rest`, stored channel-major: all of red, then green, then blue.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// The largest SH degree that 3DGS files carry.
 pub const MAX_DEGREE: u8 = 3;
@@ -52,8 +52,13 @@ pub fn rest_count(degree: u8) -> usize {
 
 /// The basis functions above the constant one at unit direction `d`; entries past [`bands`] of `degree` are zero.
 pub fn basis(degree: u8, d: Vec3) -> [f64; 15] {
+    basis_at(degree, d.as_dvec3())
+}
+
+/// [`basis`] of an f64 direction.
+pub(crate) fn basis_at(degree: u8, d: DVec3) -> [f64; 15] {
     let mut y = [0.0; 15];
-    let (x1, y1, z1) = (f64::from(d.x), f64::from(d.y), f64::from(d.z));
+    let (x1, y1, z1) = (d.x, d.y, d.z);
     if degree >= 1 {
         y[..3].copy_from_slice(&[-Y1 * y1, Y1 * z1, -Y1 * x1]);
     }
@@ -77,9 +82,52 @@ pub fn basis(degree: u8, d: Vec3) -> [f64; 15] {
     y
 }
 
+/// Derivatives of [`basis`] by the components of `d`, taken as free variables.
+pub(crate) fn basis_gradient(degree: u8, d: Vec3) -> [DVec3; 15] {
+    let mut g = [DVec3::ZERO; 15];
+    let DVec3 { x, y, z } = d.as_dvec3();
+    if degree >= 1 {
+        g[0] = DVec3::NEG_Y * Y1;
+        g[1] = DVec3::Z * Y1;
+        g[2] = DVec3::NEG_X * Y1;
+    }
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    if degree >= 2 {
+        g[3] = DVec3::new(y, x, 0.0) * Y2[0];
+        g[4] = DVec3::new(0.0, z, y) * Y2[1];
+        g[5] = DVec3::new(-2.0 * x, -2.0 * y, 4.0 * z) * Y2[2];
+        g[6] = DVec3::new(z, 0.0, x) * Y2[3];
+        g[7] = DVec3::new(2.0 * x, -2.0 * y, 0.0) * Y2[4];
+    }
+    if degree >= 3 {
+        g[8] = DVec3::new(6.0 * x * y, 3.0 * (xx - yy), 0.0) * Y3[0];
+        g[9] = DVec3::new(y * z, x * z, x * y) * Y3[1];
+        g[10] = DVec3::new(-2.0 * x * y, 4.0 * zz - xx - 3.0 * yy, 8.0 * y * z) * Y3[2];
+        g[11] = DVec3::new(-6.0 * x * z, -6.0 * y * z, 6.0 * zz - 3.0 * (xx + yy)) * Y3[3];
+        g[12] = DVec3::new(4.0 * zz - 3.0 * xx - yy, -2.0 * x * y, 8.0 * x * z) * Y3[4];
+        g[13] = DVec3::new(2.0 * x * z, -2.0 * y * z, xx - yy) * Y3[5];
+        g[14] = DVec3::new(3.0 * (xx - yy), -6.0 * x * y, 0.0) * Y3[6];
+    }
+    g
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_gradient_of_the_basis_is_its_difference() {
+        let d = Vec3::new(0.36, -0.48, 0.8);
+        let gradient = basis_gradient(3, d);
+        for (axis, unit) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
+            let h = 1.0 / 1024.0;
+            let (a, b) = (basis(3, d + unit * h), basis(3, d - unit * h));
+            for k in 0..15 {
+                let slope = (a[k] - b[k]) / (2.0 * f64::from(h));
+                assert!((slope - gradient[k][axis]).abs() < 1e-4, "{k} {axis}");
+            }
+        }
+    }
 
     #[test]
     fn the_basis_is_orthonormal_over_the_sphere() {

@@ -1,0 +1,165 @@
+//! Analytic f32 gradients against central differences of the f64 reference.
+//!
+//! The loss is a random linear function of colour and coverage. Step 1e-6: the difference quotient is then good
+//! to about 1e-8 of the loss's curvature scale, and the chance that a step moves some pixel across the 1/255
+//! cut, which would break the quotient, is small; the seeds are chosen once and stay. The bound, 2e-3 of the
+//! attribute's largest derivative, is what f32 sums over some thousand pixels with cancelling signs leave.
+
+use gear_splat::cpu::Frame;
+use gear_splat::reference::{self, Gaussian64};
+use gear_splat::render::{PixelGradients, Wanted};
+use gear_splat::{Camera, Gaussian, Outputs, RenderOptions, Scene, ScreenFilter};
+use glam::{DVec3, Vec3};
+
+use crate::scenes::{Random, cameras, cloud};
+
+const STEP: f64 = 1e-6;
+
+fn loss(
+    gaussians: &[Gaussian64],
+    degree: u8,
+    camera: &Camera,
+    options: &RenderOptions,
+    pixels: &PixelGradients,
+) -> f64 {
+    let picture = reference::render_gaussians(gaussians, degree, camera, options);
+    let mut total = 0.0;
+    for i in 0..picture.rgb.len() {
+        for c in 0..3 {
+            total += picture.rgb[i][c] * f64::from(pixels.rgb[i][c]);
+        }
+        total += picture.alpha[i] * f64::from(pixels.alpha[i]);
+    }
+    total
+}
+
+fn assert_gradients(scene: &Scene, camera: &Camera, options: &RenderOptions) {
+    let mut random = Random(77);
+    let count = (camera.width * camera.height) as usize;
+    let pixels = PixelGradients {
+        rgb: (0..count)
+            .map(|_| {
+                [
+                    random.within(-1.0, 1.0),
+                    random.within(-1.0, 1.0),
+                    random.within(-1.0, 1.0),
+                ]
+            })
+            .collect(),
+        alpha: (0..count).map(|_| random.within(-1.0, 1.0)).collect(),
+    };
+    let frame = Frame::new(scene, camera, options, Outputs::RGBA);
+    let fast = frame.backward(scene, &frame.draw(), &pixels, Wanted::All);
+    let colors = frame.backward(scene, &frame.draw(), &pixels, Wanted::Color);
+    assert_eq!(fast.sh_dc, colors.sh_dc, "colours alone get the same gradient");
+
+    let start = reference::gaussians(scene);
+    let difference = |change: &dyn Fn(&mut Gaussian64, f64), i: usize| {
+        let at = |step: f64| {
+            let mut moved = start.clone();
+            change(&mut moved[i], step);
+            loss(&moved, scene.sh_degree, camera, options, &pixels)
+        };
+        (at(STEP) - at(-STEP)) / (2.0 * STEP)
+    };
+    let check = |name: &str, analytic: &dyn Fn(usize) -> f32, change: &dyn Fn(&mut Gaussian64, f64)| {
+        let pairs: Vec<(f64, f64)> = (0..scene.len())
+            .map(|i| (f64::from(analytic(i)), difference(change, i)))
+            .collect();
+        let scale = pairs.iter().map(|p| p.1.abs()).fold(1e-9, f64::max);
+        for (i, (analytic, numeric)) in pairs.into_iter().enumerate() {
+            assert!(
+                (analytic - numeric).abs() <= 2e-3 * scale,
+                "{name} of {i}: {analytic:e} against {numeric:e} (scale {scale:e})"
+            );
+        }
+    };
+    for axis in 0..3 {
+        check("center", &|i| fast.centers[i][axis], &|g, h| g.center[axis] += h);
+        check("log scale", &|i| fast.log_scales[i][axis], &|g, h| {
+            g.log_scale[axis] += h
+        });
+        check("colour", &|i| fast.sh_dc[i][axis], &|g, h| g.dc[axis] += h);
+    }
+    for axis in 0..4 {
+        check("rotation", &|i| fast.rotations[i][axis], &|g, h| g.rotation[axis] += h);
+    }
+    check("opacity", &|i| fast.opacity_logits[i], &|g, h| g.opacity_logit += h);
+    let stride = scene.sh_rest_stride();
+    for k in 0..stride {
+        check("SH", &|i| fast.sh_rest[i * stride + k], &|g, h| g.rest[k] += h);
+    }
+}
+
+#[test]
+fn gradients_agree_with_central_differences() {
+    for camera in cameras(24, 20) {
+        assert_gradients(&cloud(12, 11, 0.02, 0.2, 0), &camera, &RenderOptions::default());
+    }
+}
+
+#[test]
+fn gradients_of_view_dependent_colours_agree() {
+    for camera in cameras(16, 16) {
+        assert_gradients(&cloud(4, 12, 0.05, 0.2, 3), &camera, &RenderOptions::default());
+    }
+}
+
+#[test]
+fn gradients_of_the_anti_aliased_mode_agree() {
+    let options = RenderOptions {
+        filter: ScreenFilter::AntiAlias(0.3),
+        ..RenderOptions::default()
+    };
+    for camera in cameras(24, 20) {
+        assert_gradients(&cloud(10, 13, 0.02, 0.2, 0), &camera, &options);
+    }
+}
+
+#[test]
+fn gradients_of_unnormalised_quaternions_agree() {
+    let mut scene = cloud(6, 14, 0.03, 0.2, 0);
+    for (i, q) in scene.rotations.iter_mut().enumerate() {
+        *q = *q * (0.5 + i as f32);
+    }
+    assert_gradients(&scene, &cameras(20, 20)[1], &RenderOptions::default());
+}
+
+#[test]
+fn gradients_of_needles_discs_and_opaque_stacks_agree() {
+    let mut scene = cloud(3, 15, 0.05, 0.1, 0);
+    let mut random = Random(5);
+    for (scales, opacity) in [
+        (Vec3::new(0.6, 0.002, 0.002), 0.7),
+        (Vec3::new(0.2, 0.2, 1e-4), 0.9),
+        (Vec3::new(0.3, 0.25, 1e-3), 0.9999),
+        (Vec3::splat(0.3), 0.9999),
+    ] {
+        scene.push(Gaussian {
+            center: random.vec3(0.15),
+            scales,
+            rotation: random.rotation(),
+            opacity,
+            color: [random.next(), random.next(), random.next()],
+        });
+    }
+    for camera in cameras(24, 24) {
+        assert_gradients(&scene, &camera, &RenderOptions::default());
+    }
+}
+
+#[test]
+fn outside_the_clamp_of_the_jacobian_gradients_agree() {
+    let mut scene = Scene::default();
+    scene.push(Gaussian {
+        center: Vec3::new(1.5, 0.2, 0.0),
+        scales: Vec3::new(0.9, 0.5, 0.3),
+        rotation: glam::Quat::IDENTITY,
+        opacity: 0.8,
+        color: [0.9, 0.1, 0.3],
+    });
+    let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 20, 20, 20.0);
+    let point = camera.to_camera(scene.centers[0]).as_dvec3();
+    assert!(DVec3::new(point.x / point.z, 0.0, 0.0).x > f64::from(camera.jacobian_limit()[0]));
+    assert_gradients(&scene, &camera, &RenderOptions::default());
+}
