@@ -159,6 +159,57 @@ mod tests {
 
     use super::*;
 
+    const ORACLE: &str = include_str!("../../../tests/oracles/vend.json");
+
+    /// The oracle's surfels: 4000 on a Fibonacci sphere, changed.
+    fn cloud(case: &str) -> Surfels {
+        let mut surfels = Surfels::default();
+        for i in 0..4000 {
+            let i = f64::from(i) + 0.5;
+            let z = 1.0 - 2.0 * i / 4000.0;
+            let turn = PI * (1.0 + 5f64.sqrt()) * i;
+            let r = (1.0 - z * z).sqrt();
+            let p = DVec3::new(r * libm::cos(turn), r * libm::sin(turn), z);
+            if case == "half" && z <= 0.0 {
+                continue;
+            }
+            let axes = if case == "ellipsoid" {
+                DVec3::new(1.0, 0.6, 0.3)
+            } else {
+                DVec3::ONE
+            };
+            let (opacity, scale) = match case {
+                "weighted" => (if p.x > 0.0 { 0.99 } else { 0.1 }, if p.y > 0.0 { 2.0 } else { 1.0 }),
+                _ => (0.99, 1.0),
+            };
+            surfels.centers.push(p * axes);
+            surfels.normals.push((p / axes).normalize());
+            surfels.weights.push(opacity * (0.02 * scale) * (0.02 * scale));
+        }
+        surfels
+    }
+
+    #[test]
+    fn vend_and_its_factors_are_the_prototypes() {
+        let oracle: serde_json::Value = serde_json::from_str(ORACLE).unwrap();
+        let tolerance = &oracle["tolerance"];
+        for case in oracle["cases"].as_array().unwrap() {
+            let name = case["case"].as_str().unwrap();
+            let ours = vend(&cloud(name));
+            for (key, ours, tolerance) in [
+                ("vend", ours.vend, &tolerance["vend"]),
+                ("extent", ours.extent, &tolerance["factors"]),
+                ("diversity", ours.diversity, &tolerance["factors"]),
+            ] {
+                let theirs = case[key].as_f64().unwrap();
+                assert!(
+                    (ours - theirs).abs() < tolerance.as_f64().unwrap(),
+                    "{name} {key}: {ours}, {theirs}"
+                );
+            }
+        }
+    }
+
     #[test]
     fn eigenvalues_of_a_known_matrix() {
         let mut e = eigenvalues([[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 5.0]]);
