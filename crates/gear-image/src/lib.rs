@@ -10,6 +10,7 @@ pub mod colour;
 pub mod edges;
 mod exr_file;
 pub mod filter;
+pub mod io;
 pub mod math;
 mod raster;
 pub mod solve;
@@ -17,3 +18,5 @@ pub mod stats;
 mod value;
 
 pub use raster::{Field, Image, Linear, LinearImage, Mask, Rgb, Space, Srgb, SrgbImage};
+
+pub use io::register;

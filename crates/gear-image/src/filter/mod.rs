@@ -17,7 +17,7 @@ pub use distance::{Nearest, distance_to, nearest};
 pub use gaussian::{gaussian, gaussian_rgb, gaussian_rgb_rows};
 pub use gradient::{gradient, gradient_x, gradient_y};
 pub use morphology::{Beyond, close, dilate, dilate_field, erode, open};
-pub(crate) use resize::{AreaRows, Taps};
+pub(crate) use resize::AreaRows;
 pub use resize::{fit_longer_side, resize, resize_image, resize_mask, resize_rgb};
 pub use sample::{bilinear, bilinear_rgb};
 
