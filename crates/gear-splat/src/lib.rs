@@ -6,10 +6,12 @@
 mod bounds;
 mod camera;
 pub mod cpu;
+pub mod formats;
 pub mod reference;
 pub mod render;
 mod scene;
 pub mod sh;
+mod values;
 mod views;
 
 pub use bounds::Bounds;
