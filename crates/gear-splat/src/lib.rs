@@ -7,6 +7,7 @@ mod bounds;
 mod camera;
 pub mod cpu;
 pub mod formats;
+pub mod orbit;
 pub mod reference;
 pub mod render;
 mod scene;
