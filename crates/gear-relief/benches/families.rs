@@ -31,7 +31,7 @@ fn main() {
             let alone = score(&inflated(&object.mask, None, &HeightSettings::default().base), object);
             let mut sums = vec![(Score::default(), 0.0, 0.0); variants.len()];
             let mut n = 0.0;
-            for kind in ["plain", "stripes", "patches"] {
+            for kind in std::env::var("ALB").unwrap_or("plain,stripes,patches".into()).split(',') {
                 let albedo = albedo(kind);
                 for (seed, light) in lights.iter().enumerate() {
                     let picture = paint(object, &albedo, Manner { light: *light, seed: seed as u64, ..manner });

@@ -38,6 +38,11 @@ pub struct DetailSettings {
     pub slope: f32,
     /// Share of the detail that is added.
     pub amount: f32,
+    /// Residual of `n·l` below which shading says nothing, beside what noise demands.
+    pub dead_zone: f32,
+    /// Width of the band inside the silhouette without detail, as a share of the longer side; at least 3 px. The
+    /// drawn outline darkens it, which shading would take for a slope.
+    pub rim: f32,
 }
 
 impl Default for DetailSettings {
@@ -49,6 +54,8 @@ impl Default for DetailSettings {
             hold: 0.08,
             slope: 4.0,
             amount: 1.0,
+            dead_zone: 0.1,
+            rim: 0.045,
         }
     }
 }
@@ -70,7 +77,9 @@ pub fn detail(
         return nothing;
     }
     let lines = dilate_field(ink, 1);
-    let mut inner = eroded(mask, 3);
+    let area = (mask.count() as f32).sqrt();
+    let rim = (settings.rim * mask.longer_side() as f32).min(0.07 * area).round().max(3.0);
+    let mut inner = eroded(mask, rim as u32);
     for (inner, &ink) in inner.data_mut().iter_mut().zip(lines.data()) {
         *inner &= ink < 0.5;
     }
@@ -105,7 +114,8 @@ pub fn detail(
             ..Default::default()
         },
     );
-    let dead_zone = calibration.core * shading.noise / light.gain.max(1e-6) + 0.02;
+    let uncertain = calibration.core * shading.noise + calibration.tone;
+    let dead_zone = uncertain / light.gain.max(1e-6) + settings.dead_zone;
     let limit = settings.slope;
     let (base_x, base_y) = gradient(base);
     let mut current: Option<Vec<f64>> = None;

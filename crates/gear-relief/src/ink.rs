@@ -1,6 +1,6 @@
 //! Ink: drawn lines, told from tone steps by being darker than both their sides.
 //!
-//! `ink = clamp( max_d min(ℓ(p+d), ℓ(p−d)) − ℓ(p), 0, t ) / t`, with `ℓ = log L` and d in four directions at a fixed
+//! `ink = clamp( (max_d min(ℓ(p+d), ℓ(p−d)) − ℓ(p) − floor) / t, 0, 1 )`, with `ℓ = log L` and d in four directions at a fixed
 //! distance. A step of tone or of chroma is darker than one side only and gives 0: cloth of several colours is
 //! not creased by its pattern.
 
@@ -14,7 +14,9 @@ use crate::fields::{depth_inside, map};
 pub struct InkSettings {
     /// Distance of the two sides, as a share of the longer side; at least 2 px.
     pub distance: f32,
-    /// Difference of log luminance at which a line counts fully.
+    /// Difference of log luminance up to which a line is brushwork or the dark side of a bulge, not ink.
+    pub floor: f32,
+    /// Difference of log luminance above `floor` at which a line counts fully.
     pub contrast: f32,
     /// Width of the band inside the silhouette whose lines are its outline, no crease, as a share of the longer
     /// side; at least 4 px.
@@ -25,6 +27,7 @@ impl Default for InkSettings {
     fn default() -> Self {
         Self {
             distance: 0.012,
+            floor: 0.2,
             contrast: 0.5,
             outline: 0.02,
         }
@@ -57,7 +60,7 @@ pub fn two_sided_darkness(luminance: &Field, settings: &InkSettings) -> Field {
             let sides = log.at_clamped(x + dx, y + dy).min(log.at_clamped(x - dx, y - dy));
             best = best.max(sides - own);
         }
-        (best / contrast).min(1.0)
+        ((best - settings.floor) / contrast).clamp(0.0, 1.0)
     })
 }
 

@@ -25,6 +25,8 @@ pub struct Calibration {
     pub noise: f32,
     /// Width of the dead zone of detail, in units of noise over gain.
     pub core: f32,
+    /// Step of shading that flat tones may hide: widens the dead zone, the more the weaker the gain.
+    pub tone: f32,
 }
 
 impl Calibration {
@@ -33,12 +35,14 @@ impl Calibration {
         gain_floor: 0.25,
         noise: 3.0,
         core: 3.0,
+        tone: 0.05,
     };
     /// For paintings: flat shading is their way, not a reason for distrust.
     pub const PAINTED: Self = Self {
         gain_floor: 0.03,
         noise: 2.0,
         core: 2.0,
+        tone: 0.01,
     };
 }
 

@@ -39,9 +39,6 @@ pub struct Shading {
     pub shading: Field,
     /// Robust standard deviation of what the smoothing took away: brushwork and grain, in log units.
     pub noise: f32,
-    /// The paint-edge weight met around each pixel, in [0, 1]: 0 on a reflectance edge, 1 where all
-    /// change of luminance was kept as light.
-    pub kept: Field,
 }
 
 /// Absorption of the reintegration, for a longer side of 1: pins the mean of parts, invisible at any length.
@@ -68,7 +65,6 @@ pub fn shading(image: &LinearImage, mask: &Mask, ink: &Field, settings: &Shading
         let line = lines.at(p.0, p.1).max(lines.at(q.0, q.1));
         (step, math::exp(-c - t * t) * (1.0 - line))
     };
-    let mut kept = Field::filled(width, height, 1.0);
     let mut right = Field::filled(width, height, 0.0);
     let mut down = Field::filled(width, height, 0.0);
     for y in 0..height {
@@ -77,8 +73,6 @@ pub fn shading(image: &LinearImage, mask: &Mask, ink: &Field, settings: &Shading
                 if q.0 < width && q.1 < height {
                     let (step, weight) = keep((x, y), q);
                     field.set(x, y, step * weight);
-                    kept.set(x, y, kept.at(x, y).min(weight));
-                    kept.set(q.0, q.1, kept.at(q.0, q.1).min(weight));
                 }
             }
         }
@@ -112,5 +106,5 @@ pub fn shading(image: &LinearImage, mask: &Mask, ink: &Field, settings: &Shading
             .map(|(&l, &m)| if m { math::exp(l.clamp(-3.0, 3.0)) } else { 1.0 })
             .collect(),
     );
-    Shading { shading, noise, kept }
+    Shading { shading, noise }
 }
