@@ -20,6 +20,7 @@ pub mod height;
 pub mod ink;
 pub mod light;
 pub mod shading;
+pub mod surfels;
 
 /// Version of the numerics: part of the behaviour of every node that uses this crate. Raise it when bits change.
 pub const NUMERICS: u32 = 1;
