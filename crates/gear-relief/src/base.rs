@@ -11,9 +11,10 @@
 //! Absorptions are given for a picture whose longer side is 1 and divided by the side squared, so a surface does
 //! not depend on the resolution.
 
-use gear_image::filter::{gaussian, gradient};
+use gear_image::edges::soft_edges;
+use gear_image::filter::gaussian;
 use gear_image::solve::{Coefficients, GridSystem, Outside, SolveOptions};
-use gear_image::{Field, LinearImage, Mask, math, stats};
+use gear_image::{Field, LinearImage, Mask, stats};
 
 use crate::fields::{map, zip};
 
@@ -64,7 +65,8 @@ pub fn inflated(mask: &Mask, ink: Option<&Field>, settings: &BaseSettings) -> Fi
 pub fn relief(image: &LinearImage, ink: &Field, settings: &BaseSettings) -> Field {
     let (width, height) = image.size();
     let side = image.longer_side() as f32;
-    let contours = contours(image);
+    // The scale grows with the picture: relief is about figures, not about brush strokes.
+    let contours = soft_edges(image, f64::from(side / 192.0).max(1.0), 0.98);
     let density = gaussian(&contours, f64::from(0.04 * side));
     let low = stats::quantile(density.data(), 0.05).unwrap_or(0.0);
     let high = stats::quantile(density.data(), 0.95).unwrap_or(0.0);
@@ -87,22 +89,4 @@ pub fn relief(image: &LinearImage, ink: &Field, settings: &BaseSettings) -> Fiel
         let u = solution.values[y * width + x].max(0.0) as f32;
         1.2 * u.sqrt() + settings.ramp * y as f32
     })
-}
-
-/// Soft contours in [0, 1]: the gradient of the cube-root (Lab-like) colour, scaled by its 98 % quantile.
-/// The scale grows with the picture: relief is about figures, not about brush strokes.
-pub fn contours(image: &LinearImage) -> Field {
-    let (width, height) = image.size();
-    let sigma = (image.longer_side() as f64 / 192.0).max(1.0);
-    let mut squares = Field::filled(width, height, 0.0);
-    for channel in 0..3 {
-        let plane = image.data().iter().map(|c| math::cbrt(c[channel].max(0.0))).collect();
-        let (gx, gy) = gradient(&gaussian(&Field::from_vec(width, height, plane), sigma));
-        for ((sum, gx), gy) in squares.data_mut().iter_mut().zip(gx.data()).zip(gy.data()) {
-            *sum += gx * gx + gy * gy;
-        }
-    }
-    let slope = map(&squares, f32::sqrt);
-    let scale = stats::quantile(slope.data(), 0.98).unwrap_or(0.0);
-    map(&slope, |s| if scale > 1e-6 { (s / scale).min(1.0) } else { 0.0 })
 }

@@ -1,0 +1,124 @@
+use super::*;
+use gear_graph::{Value, testing};
+use gear_image::{LinearImage, Rgb, colour};
+
+/// A vase-like body, shaded from the upper left, on paper, with an outline.
+fn painting(side: usize) -> (Image, Mask) {
+    let c = side as f32 / 2.0;
+    let inside = |x: usize, y: usize| {
+        let (u, v) = ((x as f32 - c) / (0.33 * side as f32), (y as f32 - c) / (0.42 * side as f32));
+        u * u + v * v
+    };
+    let light: LinearImage = Rgb::from_fn(side, side, |x, y| {
+        let r = inside(x, y);
+        if r > 1.0 {
+            [0.7, 0.65, 0.5]
+        } else if r > 0.93 {
+            [0.05; 3]
+        } else {
+            let shade = 0.55 - 0.25 * ((x as f32 - c) + (y as f32 - c)) / side as f32;
+            [0.8 * shade, 0.5 * shade, 0.3 * shade]
+        }
+    });
+    (Image::opaque(light.to_srgb()), Mask::from_fn(side, side, |x, y| inside(x, y) <= 1.0))
+}
+
+fn inputs(image: &Image, mask: &Mask) -> In {
+    let (width, height) = image.size();
+    In {
+        image: Arc::new(image.clone()),
+        edges: Lazy::given(Field::from_fn(width, height, |x, _| f32::from(x == width / 2))),
+        mask: Lazy::given(mask.clone()),
+    }
+}
+
+fn node(style: Style) -> Translate {
+    Translate {
+        style,
+        ..Translate::default()
+    }
+}
+
+const DRAWN: [Style; 3] = [Style::Sculpture, Style::PencilSketch, Style::Woodcut];
+
+#[test]
+fn none_passes_the_painting_bit_by_bit() {
+    let (image, mask) = painting(40);
+    let out = testing::run(&node(Style::None), inputs(&image, &mask)).unwrap();
+    assert_eq!(out.image.digest(), image.digest());
+}
+
+#[test]
+fn results_do_not_depend_on_threads() {
+    let (image, mask) = painting(48);
+    for style in DRAWN {
+        testing::assert_pure(&node(style), || inputs(&image, &mask));
+    }
+}
+
+#[test]
+fn extremes_stay_finite_and_in_range() {
+    for (w, h) in [(1, 1), (1, 40), (40, 1), (2, 3), (17, 16)] {
+        for value in [0.0, 0.5, 1.0, f32::NAN, f32::INFINITY] {
+            for full in [false, true] {
+                let image = Image::opaque(Rgb::filled(w, h, [value; 3]));
+                let mask = Mask::filled(w, h, full);
+                for style in DRAWN {
+                    let out = testing::run(&node(style), inputs(&image, &mask)).unwrap();
+                    assert_eq!(out.image.size(), (w, h));
+                    let flat = out.image.rgb.data().as_flattened();
+                    assert!(flat.iter().all(|c| (0.0..=1.0).contains(c)), "{style:?} of {value} at {w}x{h}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn marble_is_brighter_on_the_side_the_painting_lights() {
+    let (image, mask) = painting(96);
+    let out = testing::run(&node(Style::Sculpture), inputs(&image, &mask)).unwrap();
+    let at = |x: usize, y: usize| colour::luminance(out.image.rgb.at(x, y));
+    assert!(at(32, 30) > at(64, 66) + 0.1, "{} {}", at(32, 30), at(64, 66));
+}
+
+#[test]
+fn light_follows_a_sure_fit_and_else_comes_from_the_upper_left() {
+    use gear_relief::light::LightFit;
+    let fit = |r2| LightFit { direction: [0.8, 0.0, 0.6], ambient: 0.0, gain: 1.0, r2, trust: 1.0 };
+    let sure = sculpture::key_light(Some(&fit(1.0)));
+    assert!((sure[0] - 0.8).abs() < 1e-6 && sure[1].abs() < 1e-6 && (sure[2] - 0.6).abs() < 1e-6);
+    let unsure = sculpture::key_light(Some(&fit(0.0)));
+    assert!(unsure[0] < 0.0 && unsure[1] < 0.0);
+    assert_eq!(unsure, sculpture::key_light(None));
+}
+
+#[test]
+fn another_seed_is_another_grain_and_only_that() {
+    let (image, mask) = painting(64);
+    let run = |style, seed| {
+        let node = Translate { seed, ..node(style) };
+        testing::run(&node, inputs(&image, &mask)).unwrap().image.digest()
+    };
+    assert_ne!(run(Style::PencilSketch, 1), run(Style::PencilSketch, 2));
+    assert_eq!(run(Style::PencilSketch, 1), run(Style::PencilSketch, 1));
+    assert_eq!(run(Style::Woodcut, 1), run(Style::Woodcut, 2));
+}
+
+#[test]
+fn only_what_a_style_reads_is_demanded() {
+    let unknown = || Known::of::<In>(vec![]);
+    let need = |style| node(style).demand("image", &unknown()).unwrap();
+    assert!(matches!(need(Style::None), Demand::Ready { .. }));
+    assert!(matches!(need(Style::Sculpture), Demand::Need { ports, .. } if ports == ["mask"]));
+    assert!(matches!(need(Style::Woodcut), Demand::Need { ports, .. } if ports == ["edges"]));
+}
+
+#[test]
+fn summaries_on_a_small_painting_are_pinned() {
+    let (image, mask) = painting(64);
+    for style in DRAWN {
+        let out = testing::run(&node(style), inputs(&image, &mask)).unwrap();
+        insta::assert_json_snapshot!(format!("{style:?}"), out.image.summary());
+    }
+}
