@@ -22,7 +22,10 @@ fn variant(name: &str) -> HeightSettings {
 fn main() {
     let variants = ["base", "natural", "painted"];
     let lights: [[f32; 3]; 2] = [PHOTO.light, [0.6, -0.3, 0.74]];
-    println!("{:8}{:8}{:10}{:>8}{:>8}{:>8}{:>9}{:>9}{:>9}", "manner", "object", "variant", "depth", "normal", "detail", "Δdepth", "Δnormal", "Δdetail");
+    println!(
+        "{:8}{:8}{:10}{:>8}{:>8}{:>8}{:>9}{:>9}{:>9}",
+        "manner", "object", "variant", "depth", "normal", "detail", "Δdepth", "Δnormal", "Δdetail"
+    );
     for manner in [PHOTO, PAINT, FLAT] {
         let mut worst = vec![(f64::MIN, f64::MIN, f64::MAX); variants.len()];
         let mut total = vec![(Score::default(), Score::default()); variants.len()];
@@ -31,10 +34,21 @@ fn main() {
             let alone = score(&inflated(&object.mask, None, &HeightSettings::default().base), object);
             let mut sums = vec![(Score::default(), 0.0, 0.0); variants.len()];
             let mut n = 0.0;
-            for kind in std::env::var("ALB").unwrap_or("plain,stripes,patches".into()).split(',') {
+            for kind in std::env::var("ALB")
+                .unwrap_or("plain,stripes,patches".into())
+                .split(',')
+            {
                 let albedo = albedo(kind);
                 for (seed, light) in lights.iter().enumerate() {
-                    let picture = paint(object, &albedo, Manner { light: *light, seed: seed as u64, ..manner });
+                    let picture = paint(
+                        object,
+                        &albedo,
+                        Manner {
+                            light: *light,
+                            seed: seed as u64,
+                            ..manner
+                        },
+                    );
                     n += 1.0;
                     for (v, (sum, trust, gain)) in variants.iter().zip(&mut sums) {
                         let relief = estimate(&picture, &object.mask, &variant(v));
@@ -49,7 +63,11 @@ fn main() {
             }
             for (v, name) in variants.iter().enumerate() {
                 let (s, trust, gain) = &sums[v];
-                let s = Score { depth: s.depth / n, normal: s.normal / n, detail: s.detail / n };
+                let s = Score {
+                    depth: s.depth / n,
+                    normal: s.normal / n,
+                    detail: s.detail / n,
+                };
                 let d = (s.depth - alone.depth, s.normal - alone.normal, s.detail - alone.detail);
                 worst[v] = (worst[v].0.max(d.0), worst[v].1.max(d.1), worst[v].2.min(d.2));
                 let t = &mut total[v];
@@ -60,7 +78,16 @@ fn main() {
                 }
                 println!(
                     "{:8}{:8}{name:10}{:8.3}{:8.2}{:8.3}{:+9.4}{:+9.2}{:+9.3}  trust {:.2} gain {:.2}",
-                    manner.name, object.name, s.depth, s.normal, s.detail, d.0, d.1, d.2, trust / n, gain / n
+                    manner.name,
+                    object.name,
+                    s.depth,
+                    s.normal,
+                    s.detail,
+                    d.0,
+                    d.1,
+                    d.2,
+                    trust / n,
+                    gain / n
                 );
             }
         }
@@ -69,8 +96,16 @@ fn main() {
             let (s, a) = &total[v];
             println!(
                 "== {:8}{name:10}{:8.3}{:8.2}{:8.3} (alone {:.3} {:.2} {:.3})  worst {:+.4} {:+.2} {:+.3}",
-                manner.name, s.depth / n, s.normal / n, s.detail / n, a.depth / n, a.normal / n, a.detail / n,
-                worst[v].0, worst[v].1, worst[v].2
+                manner.name,
+                s.depth / n,
+                s.normal / n,
+                s.detail / n,
+                a.depth / n,
+                a.normal / n,
+                a.detail / n,
+                worst[v].0,
+                worst[v].1,
+                worst[v].2
             );
         }
     }

@@ -78,7 +78,10 @@ pub fn detail(
     }
     let lines = dilate_field(ink, 1);
     let area = (mask.count() as f32).sqrt();
-    let rim = (settings.rim * mask.longer_side() as f32).min(0.07 * area).round().max(3.0);
+    let rim = (settings.rim * mask.longer_side() as f32)
+        .min(0.07 * area)
+        .round()
+        .max(3.0);
     let mut inner = eroded(mask, rim as u32);
     for (inner, &ink) in inner.data_mut().iter_mut().zip(lines.data()) {
         *inner &= ink < 0.5;
@@ -99,7 +102,11 @@ pub fn detail(
         height,
         (0..mask.len())
             .map(|p| {
-                let detail = if inner.data()[p] { residual.data()[p] - mean.data()[p] } else { 0.0 };
+                let detail = if inner.data()[p] {
+                    residual.data()[p] - mean.data()[p]
+                } else {
+                    0.0
+                };
                 expected.data()[p] + detail
             })
             .collect(),
@@ -142,7 +149,10 @@ pub fn detail(
         for (rhs, base) in rhs.iter_mut().zip(base.data()) {
             *rhs += f64::from(hold) * f64::from(*base);
         }
-        let options = SolveOptions { tolerance: 1e-4, max_iterations: 30 };
+        let options = SolveOptions {
+            tolerance: 1e-4,
+            max_iterations: 30,
+        };
         let solution = system.solve(&rhs, current.as_deref(), options);
         n = normals(&solution.to_field(width, height));
         current = Some(solution.values);

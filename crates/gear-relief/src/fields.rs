@@ -22,7 +22,12 @@ pub fn masked(field: &Field, mask: &Mask) -> Field {
     Field::from_vec(
         field.width(),
         field.height(),
-        field.data().iter().zip(mask.data()).map(|(&f, &m)| if m { f } else { 0.0 }).collect(),
+        field
+            .data()
+            .iter()
+            .zip(mask.data())
+            .map(|(&f, &m)| if m { f } else { 0.0 })
+            .collect(),
     )
 }
 
@@ -36,7 +41,11 @@ pub fn weighted_gaussian(field: &Field, weight: &Field, sigma: f64) -> Field {
 /// Unit normals of a height field in image space (x right, y down, z towards the viewer).
 pub fn normals(height: &Field) -> Vec<[f32; 3]> {
     let (gx, gy) = gradient(height);
-    gx.data().iter().zip(gy.data()).map(|(&p, &q)| normal_of_slope(p, q)).collect()
+    gx.data()
+        .iter()
+        .zip(gy.data())
+        .map(|(&p, &q)| normal_of_slope(p, q))
+        .collect()
 }
 
 /// The unit normal of the slopes `p = ∂h/∂x`, `q = ∂h/∂y`.
@@ -85,5 +94,10 @@ pub fn eroded(mask: &Mask, rim: u32) -> Mask {
 
 /// The values inside the mask.
 pub(crate) fn inside(field: &Field, mask: &Mask) -> Vec<f32> {
-    field.data().iter().zip(mask.data()).filter_map(|(&f, &m)| m.then_some(f)).collect()
+    field
+        .data()
+        .iter()
+        .zip(mask.data())
+        .filter_map(|(&f, &m)| m.then_some(f))
+        .collect()
 }

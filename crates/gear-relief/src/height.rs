@@ -68,7 +68,11 @@ pub struct Relief {
 /// relief. Without iterations of detail the shading is not looked at.
 pub fn estimate(image: &LinearImage, mask: &Mask, settings: &HeightSettings) -> Relief {
     let (width, height) = image.size();
-    let mode = if mask.is_full() || mask.count() == 0 { Mode::Relief } else { Mode::Figure };
+    let mode = if mask.is_full() || mask.count() == 0 {
+        Mode::Relief
+    } else {
+        Mode::Figure
+    };
     let mask = match mode {
         Mode::Relief => Mask::filled(width, height, true),
         Mode::Figure => mask.clone(),
@@ -87,8 +91,15 @@ pub fn estimate(image: &LinearImage, mask: &Mask, settings: &HeightSettings) -> 
         let shading = shading::shading(image, &relief.mask, &ink, &settings.shading);
         let fit = light::fit(&shading, &relief.base, &relief.mask, &settings.calibration);
         let (base, mask) = (&relief.base, &relief.mask);
-        let detail =
-            detail::detail(&shading, base, &ink, mask, &fit, &settings.calibration, &settings.detail);
+        let detail = detail::detail(
+            &shading,
+            base,
+            &ink,
+            mask,
+            &fit,
+            &settings.calibration,
+            &settings.detail,
+        );
         relief.height = zip(base, &detail, |b, d| (b + d).max(0.0));
         relief.detailed = fit.trust >= light::LEAST_TRUST;
         relief.light = Some(fit);

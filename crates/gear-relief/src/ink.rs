@@ -41,7 +41,12 @@ pub fn ink_lines(image: &LinearImage, mask: &Mask, settings: &InkSettings) -> Fi
     let band = (settings.outline * side).max(4.0) as u32;
     let depth = depth_inside(mask);
     let (w, h) = lines.size();
-    let kept = lines.data().iter().zip(&depth).map(|(&ink, &d)| if d > band { ink } else { 0.0 }).collect();
+    let kept = lines
+        .data()
+        .iter()
+        .zip(&depth)
+        .map(|(&ink, &d)| if d > band { ink } else { 0.0 })
+        .collect();
     Field::from_vec(w, h, kept)
 }
 
@@ -76,16 +81,28 @@ mod tests {
     #[test]
     fn a_line_is_ink_and_a_step_is_not() {
         let full = Mask::filled(96, 96, true);
-        let line = ink_lines(&grey(|x| if x == 48 { 0.05 } else { 0.5 }), &full, &InkSettings::default());
+        let line = ink_lines(
+            &grey(|x| if x == 48 { 0.05 } else { 0.5 }),
+            &full,
+            &InkSettings::default(),
+        );
         assert!(line.at(48, 48) > 0.9 && line.at(40, 48) == 0.0);
-        let step = ink_lines(&grey(|x| if x < 48 { 0.05 } else { 0.5 }), &full, &InkSettings::default());
+        let step = ink_lines(
+            &grey(|x| if x < 48 { 0.05 } else { 0.5 }),
+            &full,
+            &InkSettings::default(),
+        );
         assert!(step.data().iter().all(|&ink| ink < 0.05));
     }
 
     #[test]
     fn the_outline_of_the_silhouette_is_no_crease() {
         let mask = Mask::from_fn(96, 96, |x, _| x >= 46);
-        let ink = ink_lines(&grey(|x| if x == 48 { 0.05 } else { 0.5 }), &mask, &InkSettings::default());
+        let ink = ink_lines(
+            &grey(|x| if x == 48 { 0.05 } else { 0.5 }),
+            &mask,
+            &InkSettings::default(),
+        );
         assert!(ink.data().iter().all(|&ink| ink == 0.0));
     }
 }

@@ -187,7 +187,11 @@ pub struct Evidence {
 /// Looks for natural light in a picture: ink, base, shading and light fit with default settings, no detail.
 pub fn evidence(image: &LinearImage, mask: &Mask) -> Evidence {
     let whole = mask.is_full() || mask.count() == 0;
-    let mask = if whole { &Mask::filled(mask.width(), mask.height(), true) } else { mask };
+    let mask = if whole {
+        &Mask::filled(mask.width(), mask.height(), true)
+    } else {
+        mask
+    };
     let (lines, body) = foundation(image, mask, &InkSettings::default(), &BaseSettings::default());
     let shading = shading::shading(image, mask, &lines, &ShadingSettings::default());
     let fit = fit(&shading, &body, mask, &Calibration::NATURAL);

@@ -49,7 +49,11 @@ pub fn shading(image: &LinearImage, mask: &Mask, ink: &Field, settings: &Shading
     let (width, height) = image.size();
     let log = map(&gaussian(&image.luminance(), 1.0), |l| math::ln(l.max(0.0) + 1e-3));
     let chroma: [Field; 3] = std::array::from_fn(|channel| {
-        let plane = image.data().iter().map(|c| c[channel] / (c[0] + c[1] + c[2] + 1e-3)).collect();
+        let plane = image
+            .data()
+            .iter()
+            .map(|c| c[channel] / (c[0] + c[1] + c[2] + 1e-3))
+            .collect();
         gaussian(&Field::from_vec(width, height, plane), 1.0)
     });
     let lines = dilate_field(ink, 1);
@@ -85,7 +89,11 @@ pub fn shading(image: &LinearImage, mask: &Mask, ink: &Field, settings: &Shading
             ..Default::default()
         },
     );
-    let solution = system.solve(&system.divergence_of_links(&right, &down), None, SolveOptions::default());
+    let solution = system.solve(
+        &system.divergence_of_links(&right, &down),
+        None,
+        SolveOptions::default(),
+    );
     let log_shading = solution.to_field(width, height);
     let median = stats::median(&inside(&log_shading, mask)).unwrap_or(0.0);
     let log_shading = map(&log_shading, |s| s - median);

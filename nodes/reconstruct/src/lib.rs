@@ -7,16 +7,14 @@
 
 use std::sync::Arc;
 
-use gear_graph::{
-    Choice, Context, Inputs, Node, NodeError, Numerics, Outputs, Params, Registry, Report, Want, Wanted,
-};
+use gear_graph::{Choice, Context, Inputs, Node, NodeError, Numerics, Outputs, Params, Registry, Report, Want, Wanted};
 use gear_image::{Field, Image, Mask, Rgb, colour, filter};
 use gear_relief::base::BaseSettings;
 use gear_relief::detail::DetailSettings;
+use gear_relief::fields;
 use gear_relief::height::{self, HeightSettings, Mode, Relief};
 use gear_relief::light::Calibration;
 use gear_relief::surfels::{self, Counts, SurfelSettings};
-use gear_relief::fields;
 use gear_splat::{Camera, Scene};
 use serde_json::json;
 
@@ -131,7 +129,10 @@ impl Node for Reconstruct {
     fn run(&self, inputs: In, want: &Want, ctx: &Context) -> Result<Out, NodeError> {
         let (width, height) = inputs.image.size();
         if width == 0 || height == 0 || inputs.mask.is_empty() {
-            return Err(NodeError::input("image", "expected a picture and a mask with pixels, found none"));
+            return Err(NodeError::input(
+                "image",
+                "expected a picture and a mask with pixels, found none",
+            ));
         }
         let mask = filter::resize_mask(&inputs.mask, width, height);
         if mask.count() == 0 {
@@ -166,7 +167,12 @@ impl Reconstruct {
         };
         match self.method {
             Method::Inflation => settings.detail.iterations = 0,
-            Method::Shading { iterations, gain_floor, detail_scale, step } => {
+            Method::Shading {
+                iterations,
+                gain_floor,
+                detail_scale,
+                step,
+            } => {
                 settings.calibration = Calibration {
                     gain_floor: gain_floor as f32,
                     ..Calibration::NATURAL
@@ -208,7 +214,13 @@ fn normal_map(relief: &Relief) -> Image {
     let colours = normals
         .iter()
         .zip(relief.mask.data())
-        .map(|(n, &inside)| if inside { [n[0], -n[1], n[2]].map(|c| 0.5 * c + 0.5) } else { [0.5; 3] })
+        .map(|(n, &inside)| {
+            if inside {
+                [n[0], -n[1], n[2]].map(|c| 0.5 * c + 0.5)
+            } else {
+                [0.5; 3]
+            }
+        })
         .collect();
     Image::opaque(Rgb::from_vec(width, height, colours))
 }

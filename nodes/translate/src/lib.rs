@@ -12,7 +12,9 @@ mod woodcut;
 
 use std::sync::Arc;
 
-use gear_graph::{Choice, Context, Demand, Inputs, Known, Lazy, Node, NodeError, Numerics, Outputs, Params, Registry, Want};
+use gear_graph::{
+    Choice, Context, Demand, Inputs, Known, Lazy, Node, NodeError, Numerics, Outputs, Params, Registry, Want,
+};
 use gear_image::{Field, Image, Mask, SrgbImage, filter};
 
 /// A geometry-friendly picture of the painting.
@@ -98,9 +100,7 @@ impl Node for Translate {
                 };
                 sculpture::carve(&painting.rgb, &mask)
             }
-            Style::PencilSketch => {
-                grey(&self.with_contours(pencil::sketch(&painting.rgb, self.seed), edges.as_ref()))
-            }
+            Style::PencilSketch => grey(&self.with_contours(pencil::sketch(&painting.rgb, self.seed), edges.as_ref())),
             Style::Woodcut => grey(&self.with_contours(woodcut::cut(&painting.rgb), edges.as_ref())),
         };
         ctx.checkpoint()?;
@@ -127,7 +127,11 @@ impl Translate {
 }
 
 fn grey(tones: &Field) -> SrgbImage {
-    SrgbImage::from_vec(tones.width(), tones.height(), tones.data().iter().map(|&t| [t; 3]).collect())
+    SrgbImage::from_vec(
+        tones.width(),
+        tones.height(),
+        tones.data().iter().map(|&t| [t; 3]).collect(),
+    )
 }
 
 /// A length that is `px` in a picture of 512 px, at least .6.

@@ -72,29 +72,32 @@ impl Directions {
 pub(crate) fn integrate(field: &Field, directions: &Directions, steps: usize) -> Field {
     let (w, h) = field.size();
     let mut out = field.clone();
-    out.data_mut().par_chunks_mut(w.max(1)).enumerate().for_each(|(row, out)| {
-        for (column, out) in out.iter_mut().enumerate() {
-            let mut sum = *out;
-            for sign in [1.0, -1.0] {
-                let (mut x, mut y) = (column as f32, row as f32);
-                let mut last: Option<[f32; 2]> = None;
-                for _ in 0..steps {
-                    let d = directions.at(x, y);
-                    let flip = match last {
-                        None => sign,
-                        Some(last) if d[0] * last[0] + d[1] * last[1] < 0.0 => -1.0,
-                        Some(_) => 1.0,
-                    };
-                    let d = d.map(|c| c * flip);
-                    last = Some(d);
-                    x = (x + d[0]).clamp(0.0, (w - 1) as f32);
-                    y = (y + d[1]).clamp(0.0, (h - 1) as f32);
-                    sum += bilinear(field, x, y);
+    out.data_mut()
+        .par_chunks_mut(w.max(1))
+        .enumerate()
+        .for_each(|(row, out)| {
+            for (column, out) in out.iter_mut().enumerate() {
+                let mut sum = *out;
+                for sign in [1.0, -1.0] {
+                    let (mut x, mut y) = (column as f32, row as f32);
+                    let mut last: Option<[f32; 2]> = None;
+                    for _ in 0..steps {
+                        let d = directions.at(x, y);
+                        let flip = match last {
+                            None => sign,
+                            Some(last) if d[0] * last[0] + d[1] * last[1] < 0.0 => -1.0,
+                            Some(_) => 1.0,
+                        };
+                        let d = d.map(|c| c * flip);
+                        last = Some(d);
+                        x = (x + d[0]).clamp(0.0, (w - 1) as f32);
+                        y = (y + d[1]).clamp(0.0, (h - 1) as f32);
+                        sum += bilinear(field, x, y);
+                    }
                 }
+                *out = sum / (2 * steps + 1) as f32;
             }
-            *out = sum / (2 * steps + 1) as f32;
-        }
-    });
+        });
     out
 }
 
@@ -119,7 +122,11 @@ pub(crate) fn soft_lines(tone: &Field, settings: LineSettings) -> Field {
         .zip(coarse.data())
         .map(|(f, c)| {
             let d = (1.0 + p) * f - p * c;
-            if d >= settings.threshold { 1.0 } else { 1.0 + math::tanh(settings.slope * (d - settings.threshold)) }
+            if d >= settings.threshold {
+                1.0
+            } else {
+                1.0 + math::tanh(settings.slope * (d - settings.threshold))
+            }
         })
         .collect();
     Field::from_vec(tone.width(), tone.height(), data)

@@ -17,9 +17,17 @@ pub(crate) fn sketch(painting: &SrgbImage, seed: u64) -> Field {
         threshold: 0.55,
         slope: 4.0,
     };
-    let lines = integrate(&soft_lines(&tone, settings), &tangents, length(3.0, side).round() as usize);
+    let lines = integrate(
+        &soft_lines(&tone, settings),
+        &tangents,
+        length(3.0, side).round() as usize,
+    );
     let diagonal = Directions::constant(width, height, 1.0, -1.0);
-    let strokes = integrate(&grain(width, height, seed), &diagonal, length(9.0, side).round() as usize);
+    let strokes = integrate(
+        &grain(width, height, seed),
+        &diagonal,
+        length(9.0, side).round() as usize,
+    );
     let smooth = gaussian(&tone, length(2.0, side));
     let data = (0..tone.len())
         .map(|p| {

@@ -6,7 +6,10 @@ use gear_image::{LinearImage, Rgb, colour};
 fn painting(side: usize) -> (Image, Mask) {
     let c = side as f32 / 2.0;
     let inside = |x: usize, y: usize| {
-        let (u, v) = ((x as f32 - c) / (0.33 * side as f32), (y as f32 - c) / (0.42 * side as f32));
+        let (u, v) = (
+            (x as f32 - c) / (0.33 * side as f32),
+            (y as f32 - c) / (0.42 * side as f32),
+        );
         u * u + v * v
     };
     let light: LinearImage = Rgb::from_fn(side, side, |x, y| {
@@ -20,7 +23,10 @@ fn painting(side: usize) -> (Image, Mask) {
             [0.8 * shade, 0.5 * shade, 0.3 * shade]
         }
     });
-    (Image::opaque(light.to_srgb()), Mask::from_fn(side, side, |x, y| inside(x, y) <= 1.0))
+    (
+        Image::opaque(light.to_srgb()),
+        Mask::from_fn(side, side, |x, y| inside(x, y) <= 1.0),
+    )
 }
 
 fn inputs(image: &Image, mask: &Mask) -> In {
@@ -67,7 +73,10 @@ fn extremes_stay_finite_and_in_range() {
                     let out = testing::run(&node(style), inputs(&image, &mask)).unwrap();
                     assert_eq!(out.image.size(), (w, h));
                     let flat = out.image.rgb.data().as_flattened();
-                    assert!(flat.iter().all(|c| (0.0..=1.0).contains(c)), "{style:?} of {value} at {w}x{h}");
+                    assert!(
+                        flat.iter().all(|c| (0.0..=1.0).contains(c)),
+                        "{style:?} of {value} at {w}x{h}"
+                    );
                 }
             }
         }
@@ -85,7 +94,13 @@ fn marble_is_brighter_on_the_side_the_painting_lights() {
 #[test]
 fn light_follows_a_sure_fit_and_else_comes_from_the_upper_left() {
     use gear_relief::light::LightFit;
-    let fit = |r2| LightFit { direction: [0.8, 0.0, 0.6], ambient: 0.0, gain: 1.0, r2, trust: 1.0 };
+    let fit = |r2| LightFit {
+        direction: [0.8, 0.0, 0.6],
+        ambient: 0.0,
+        gain: 1.0,
+        r2,
+        trust: 1.0,
+    };
     let sure = sculpture::key_light(Some(&fit(1.0)));
     assert!((sure[0] - 0.8).abs() < 1e-6 && sure[1].abs() < 1e-6 && (sure[2] - 0.6).abs() < 1e-6);
     let unsure = sculpture::key_light(Some(&fit(0.0)));

@@ -25,7 +25,10 @@ pub(crate) fn cut(painting: &SrgbImage) -> Field {
         threshold: 0.5,
         slope: 30.0,
     };
-    let lines = soft_lines(&integrate(&tone, &tangents, length(4.0, side).round() as usize), settings);
+    let lines = soft_lines(
+        &integrate(&tone, &tangents, length(4.0, side).round() as usize),
+        settings,
+    );
     let pixel = std::f32::consts::TAU / length(PERIOD, side) as f32;
     let data = (0..tone.len())
         .map(|p| {

@@ -62,7 +62,17 @@ impl Blocks {
                 let (columns, rows) = (w.div_ceil(size), h.div_ceil(size));
                 let blocks = (0..columns * rows)
                     .into_par_iter()
-                    .map(|i| measure_block(height, colours, mask, &rim, (i % columns) * size, (i / columns) * size, size))
+                    .map(|i| {
+                        measure_block(
+                            height,
+                            colours,
+                            mask,
+                            &rim,
+                            (i % columns) * size,
+                            (i / columns) * size,
+                            size,
+                        )
+                    })
                     .collect();
                 Level { columns, rows, blocks }
             })

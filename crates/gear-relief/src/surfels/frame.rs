@@ -68,7 +68,11 @@ impl<'a> Lift<'a> {
         Spot {
             center,
             rotation: rotation(axis, normal),
-            scales: Vec3::new(size * long.min(short / GRAZING), size * short, settings.thin * self.unit),
+            scales: Vec3::new(
+                size * long.min(short / GRAZING),
+                size * short,
+                settings.thin * self.unit,
+            ),
         }
     }
 

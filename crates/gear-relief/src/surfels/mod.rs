@@ -123,15 +123,15 @@ pub fn lift(relief: &Relief, image: &SrgbImage, camera: &Camera, settings: &Surf
             largest: 16,
         },
     };
-    let total = |loosened: f32| {
-        blocks.count(&front_at(loosened)) + blocks.count(&back_at(loosened)) + walls.len()
-    };
+    let total = |loosened: f32| blocks.count(&front_at(loosened)) + blocks.count(&back_at(loosened)) + walls.len();
     let loosened = within_budget(settings.max_gaussians, total);
 
     let mut add = |spot: frame::Spot, colour: [f32; 3]| {
         scene.centers.push(spot.center);
         scene.rotations.push(spot.rotation);
-        scene.log_scales.push(Vec3::from_array(spot.scales.to_array().map(|s| libm::log(f64::from(s)) as f32)));
+        scene.log_scales.push(Vec3::from_array(
+            spot.scales.to_array().map(|s| libm::log(f64::from(s)) as f32),
+        ));
         scene.sh_dc.push(colour.map(|c| (c - 0.5) / 0.282_094_79));
     };
     let front = blocks.choose(&front_at(loosened));
@@ -141,7 +141,10 @@ pub fn lift(relief: &Relief, image: &SrgbImage, camera: &Camera, settings: &Surf
     let behind = blocks.choose(&back_at(loosened));
     for block in &behind {
         let plane = back.plane(block);
-        add(lift.block(block, plane, -1.0, settings), block.colour.map(|c| c * BACK_SHADE));
+        add(
+            lift.block(block, plane, -1.0, settings),
+            block.colour.map(|c| c * BACK_SHADE),
+        );
     }
     for wall in &walls {
         add(lift.wall(wall, settings), wall.colour);
@@ -201,13 +204,13 @@ impl Back {
     }
 }
 
-/// Every inside pixel with the colour of the nearest one at least three pixels from the rim.
+/// Every inside pixel with the colour of the nearest one at least three pixels from the rim; NaN is black.
 fn colours_from_inside(image: &SrgbImage, mask: &Mask) -> SrgbImage {
     let core = eroded(mask, 3);
-    let Some(source) = nearest(&core) else { return image.clone() };
+    let source = nearest(&core);
     SrgbImage::from_fn(image.width(), image.height(), |x, y| {
-        let (sx, sy) = source.at(x, y);
-        image.at(sx, sy)
+        let (x, y) = source.as_ref().map_or((x, y), |source| source.at(x, y));
+        image.at(x, y).map(|c| if c.is_nan() { 0.0 } else { c.clamp(0.0, 1e3) })
     })
 }
 

@@ -49,7 +49,11 @@ pub(super) fn pieces(height: &Field, mask: &Mask, colours: &SrgbImage, back: Bac
             }
             let (ox, oy) = (-gx.at(px, py), -gy.at(px, py));
             let length = (ox * ox + oy * oy).sqrt();
-            let outward = if length > 1e-6 { [ox / length, oy / length] } else { [1.0, 0.0] };
+            let outward = if length > 1e-6 {
+                [ox / length, oy / length]
+            } else {
+                [1.0, 0.0]
+            };
             let count = (gap / LENGTH).ceil().clamp(1.0, MOST);
             for i in 0..count as usize {
                 pieces.push(Wall {

@@ -30,8 +30,17 @@ fn inside(f: impl Fn(f32, f32) -> bool) -> Mask {
 }
 
 fn object(name: &'static str, mask: Mask, height: Field) -> Object {
-    let kept = height.data().iter().zip(mask.data()).map(|(&h, &m)| if m { h } else { 0.0 }).collect();
-    Object { name, height: Field::from_vec(SIDE, SIDE, kept), mask }
+    let kept = height
+        .data()
+        .iter()
+        .zip(mask.data())
+        .map(|(&h, &m)| if m { h } else { 0.0 })
+        .collect();
+    Object {
+        name,
+        height: Field::from_vec(SIDE, SIDE, kept),
+        mask,
+    }
 }
 
 /// Sphere, torus, bust, vase, folded cloth, relief panel.
@@ -50,7 +59,11 @@ pub fn objects() -> Vec<Object> {
     let bust = |x: f32, y: f32| {
         let body = parts.iter().map(|&part| cap(x, y, part)).fold(0.0, f32::max);
         let eyes = cap(x, y, (82.0, 62.0, 7.0, 5.0, 5.0)) + cap(x, y, (110.0, 62.0, 7.0, 5.0, 5.0));
-        if body > 0.0 { body + cap(x, y, (96.0, 76.0, 7.0, 15.0, 12.0)) - eyes } else { 0.0 }
+        if body > 0.0 {
+            body + cap(x, y, (96.0, 76.0, 7.0, 15.0, 12.0)) - eyes
+        } else {
+            0.0
+        }
     };
     let radius = |y: f32| {
         let s = math::sin((y - 30.0) / 132.0 * std::f32::consts::PI * 1.35 + 0.2);
@@ -62,15 +75,26 @@ pub fn objects() -> Vec<Object> {
         body + 6.0 * math::sin((x + 12.0 * math::sin(y / 30.0)) / 5.5) * (body / 30.0).min(1.0)
     };
     let panel = |x: f32, y: f32| (x - 96.0).abs() < 80.0 && (y - 96.0).abs() < 80.0;
-    let carving: [Ellipsoid; 3] =
-        [(70.0, 80.0, 34.0, 34.0, 14.0), (124.0, 70.0, 22.0, 36.0, 12.0), (100.0, 134.0, 46.0, 22.0, 14.0)];
+    let carving: [Ellipsoid; 3] = [
+        (70.0, 80.0, 34.0, 34.0, 14.0),
+        (124.0, 70.0, 22.0, 36.0, 12.0),
+        (100.0, 134.0, 46.0, 22.0, 14.0),
+    ];
     let relief = |x: f32, y: f32| {
         let carved = carving.iter().map(|&part| 5.0 + cap(x, y, part)).fold(5.0, f32::max);
         if panel(x, y) { carved } else { 0.0 }
     };
     vec![
-        object("sphere", inside(|x, y| cap(x, y, sphere) > 0.0), field(|x, y| cap(x, y, sphere))),
-        object("torus", inside(|x, y| tube(x, y) > 0.0), field(|x, y| tube(x, y).max(0.0).sqrt())),
+        object(
+            "sphere",
+            inside(|x, y| cap(x, y, sphere) > 0.0),
+            field(|x, y| cap(x, y, sphere)),
+        ),
+        object(
+            "torus",
+            inside(|x, y| tube(x, y) > 0.0),
+            field(|x, y| tube(x, y).max(0.0).sqrt()),
+        ),
         object(
             "bust",
             inside(|x, y| parts.iter().any(|&part| cap(x, y, part) > 0.0)),
@@ -99,7 +123,10 @@ pub fn albedo(kind: &str) -> LinearImage {
     let seeds: Vec<([f32; 2], [f32; 3])> = (0..14)
         .map(|i| {
             let u = |k: u64| uniform(i * 8 + k, 3);
-            ([u(0) * SIDE as f32, u(1) * SIDE as f32], [2, 3, 4].map(|k| 0.08 + 0.72 * u(k)))
+            (
+                [u(0) * SIDE as f32, u(1) * SIDE as f32],
+                [2, 3, 4].map(|k| 0.08 + 0.72 * u(k)),
+            )
         })
         .collect();
     Rgb::from_fn(SIDE, SIDE, |x, y| match kind {
@@ -109,7 +136,10 @@ pub fn albedo(kind: &str) -> LinearImage {
         }
         "patches" => {
             let distance = |p: &[f32; 2]| (p[0] - x as f32) * (p[0] - x as f32) + (p[1] - y as f32) * (p[1] - y as f32);
-            seeds.iter().min_by(|a, b| distance(&a.0).total_cmp(&distance(&b.0))).map_or([0.5; 3], |s| s.1)
+            seeds
+                .iter()
+                .min_by(|a, b| distance(&a.0).total_cmp(&distance(&b.0)))
+                .map_or([0.5; 3], |s| s.1)
         }
         _ => [0.55, 0.33, 0.22],
     })
@@ -141,8 +171,20 @@ pub const PHOTO: Manner = Manner {
     light: [-0.5, -0.55, 0.67],
     seed: 0,
 };
-pub const PAINT: Manner = Manner { name: "paint", contrast: 0.35, tones: 4, outline: 0.8, brush: 0.03, ..PHOTO };
-pub const FLAT: Manner = Manner { name: "flat", contrast: 0.12, tones: 3, ..PAINT };
+pub const PAINT: Manner = Manner {
+    name: "paint",
+    contrast: 0.35,
+    tones: 4,
+    outline: 0.8,
+    brush: 0.03,
+    ..PHOTO
+};
+pub const FLAT: Manner = Manner {
+    name: "flat",
+    contrast: 0.12,
+    tones: 3,
+    ..PAINT
+};
 
 /// Paints an object, linear light.
 pub fn paint(object: &Object, albedo: &LinearImage, manner: Manner) -> LinearImage {
@@ -151,12 +193,22 @@ pub fn paint(object: &Object, albedo: &LinearImage, manner: Manner) -> LinearIma
     let l = l.map(|v| v / length);
     let mut shade: Vec<f32> = normals(&object.height)
         .iter()
-        .map(|&n| 0.75 * (1.0 - manner.contrast) * f32::from(manner.contrast < 1.0)
-            + manner.contrast * (0.25 + 0.75 * dot(n, l).max(0.0)))
+        .map(|&n| {
+            0.75 * (1.0 - manner.contrast) * f32::from(manner.contrast < 1.0)
+                + manner.contrast * (0.25 + 0.75 * dot(n, l).max(0.0))
+        })
         .collect();
     if manner.tones > 0 {
-        let of_mask = || shade.iter().zip(object.mask.data()).filter_map(|(&s, &m)| m.then_some(s));
-        let (low, high) = (of_mask().fold(f32::MAX, f32::min), of_mask().fold(f32::MIN, f32::max) + 1e-9);
+        let of_mask = || {
+            shade
+                .iter()
+                .zip(object.mask.data())
+                .filter_map(|(&s, &m)| m.then_some(s))
+        };
+        let (low, high) = (
+            of_mask().fold(f32::MAX, f32::min),
+            of_mask().fold(f32::MIN, f32::max) + 1e-9,
+        );
         let tones = manner.tones as f32;
         for s in &mut shade {
             *s = low + (((*s - low) / (high - low) * tones).floor() + 0.5) / tones * (high - low);
@@ -185,13 +237,22 @@ pub fn paint(object: &Object, albedo: &LinearImage, manner: Manner) -> LinearIma
     // Brush strokes lie across: long in x, short in y.
     let (wide, narrow) = (gaussian(&grain, 4.0), gaussian(&grain, 1.0));
     let texture = Field::from_fn(SIDE, SIDE, |x, y| {
-        (0..9).map(|i| narrow.at_clamped(x as isize + i * 2 - 8, y as isize)).sum::<f32>() / 9.0 + 0.3 * wide.at(x, y)
+        (0..9)
+            .map(|i| narrow.at_clamped(x as isize + i * 2 - 8, y as isize))
+            .sum::<f32>()
+            / 9.0
+            + 0.3 * wide.at(x, y)
     });
     let deviation = (texture.data().iter().map(|t| t * t).sum::<f32>() / texture.len() as f32).sqrt();
     Rgb::from_fn(SIDE, SIDE, |x, y| {
         let p = y * SIDE + x;
-        let colour = if object.mask.data()[p] { albedo.data()[p].map(|a| a * shade[p]) } else { [0.72, 0.66, 0.52] };
-        let painted = (1.0 - manner.outline * ink.data()[p].min(1.0)) * (1.0 + manner.brush * texture.data()[p] / deviation);
+        let colour = if object.mask.data()[p] {
+            albedo.data()[p].map(|a| a * shade[p])
+        } else {
+            [0.72, 0.66, 0.52]
+        };
+        let painted =
+            (1.0 - manner.outline * ink.data()[p].min(1.0)) * (1.0 + manner.brush * texture.data()[p] / deviation);
         colour.map(|c| (c * painted).clamp(0.0, 1.0))
     })
 }
@@ -217,7 +278,11 @@ pub fn score(estimate: &Field, object: &Object) -> Score {
     let stretched = Field::from_vec(
         SIDE,
         SIDE,
-        estimate.data().iter().map(|h| h * if scale > 0.0 { scale.max(0.2) } else { 1.0 } as f32).collect(),
+        estimate
+            .data()
+            .iter()
+            .map(|h| h * if scale > 0.0 { scale.max(0.2) } else { 1.0 } as f32)
+            .collect(),
     );
     let (ours, truth) = (normals(&stretched), normals(&object.height));
     let inner = eroded(mask, 2);
@@ -227,11 +292,18 @@ pub fn score(estimate: &Field, object: &Object) -> Score {
         .collect();
     let high = |h: &Field| {
         let low = weighted_gaussian(h, &mask.to_field(), 8.0);
-        h.data().iter().zip(low.data()).map(|(h, l)| f64::from(h - l)).collect::<Vec<_>>()
+        h.data()
+            .iter()
+            .zip(low.data())
+            .map(|(h, l)| f64::from(h - l))
+            .collect::<Vec<_>>()
     };
     let (ours, truth) = (high(estimate), high(&object.height));
     let core = eroded(mask, 6);
-    let pairs: Vec<(f64, f64)> = (0..mask.len()).filter(|&p| core.data()[p]).map(|p| (ours[p], truth[p])).collect();
+    let pairs: Vec<(f64, f64)> = (0..mask.len())
+        .filter(|&p| core.data()[p])
+        .map(|p| (ours[p], truth[p]))
+        .collect();
     Score {
         depth: error / deviation,
         normal: angles.iter().sum::<f64>() / angles.len() as f64,
@@ -242,20 +314,33 @@ pub fn score(estimate: &Field, object: &Object) -> Score {
 /// (non-negative scale of the first onto the second, rms error after it, deviation of the second).
 fn affine(pairs: &[(f64, f64)]) -> (f64, f64, f64) {
     let n = pairs.len() as f64;
-    let (ma, mb) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
+    let (ma, mb) = (
+        pairs.iter().map(|p| p.0).sum::<f64>() / n,
+        pairs.iter().map(|p| p.1).sum::<f64>() / n,
+    );
     let aa: f64 = pairs.iter().map(|p| (p.0 - ma) * (p.0 - ma)).sum();
     let ab: f64 = pairs.iter().map(|p| (p.0 - ma) * (p.1 - mb)).sum();
     let bb: f64 = pairs.iter().map(|p| (p.1 - mb) * (p.1 - mb)).sum();
     let scale = (ab / aa.max(1e-12)).max(0.0);
-    let error: f64 = pairs.iter().map(|p| (scale * (p.0 - ma) - (p.1 - mb)) * (scale * (p.0 - ma) - (p.1 - mb))).sum();
+    let error: f64 = pairs
+        .iter()
+        .map(|p| (scale * (p.0 - ma) - (p.1 - mb)) * (scale * (p.0 - ma) - (p.1 - mb)))
+        .sum();
     (scale, (error / n).sqrt(), (bb / n).sqrt())
 }
 
 fn correlation(pairs: &[(f64, f64)]) -> f64 {
     let n = pairs.len() as f64;
-    let (ma, mb) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
+    let (ma, mb) = (
+        pairs.iter().map(|p| p.0).sum::<f64>() / n,
+        pairs.iter().map(|p| p.1).sum::<f64>() / n,
+    );
     let aa: f64 = pairs.iter().map(|p| (p.0 - ma) * (p.0 - ma)).sum();
     let bb: f64 = pairs.iter().map(|p| (p.1 - mb) * (p.1 - mb)).sum();
     let ab: f64 = pairs.iter().map(|p| (p.0 - ma) * (p.1 - mb)).sum();
-    if aa > 1e-12 && bb > 1e-12 { ab / (aa * bb).sqrt() } else { 0.0 }
+    if aa > 1e-12 && bb > 1e-12 {
+        ab / (aa * bb).sqrt()
+    } else {
+        0.0
+    }
 }
