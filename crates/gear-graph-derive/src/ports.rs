@@ -21,11 +21,11 @@ pub fn inputs(input: &DeriveInput) -> syn::Result<TokenStream> {
 
             fn take(slots: &mut ::gear_graph::Slots<'_>) -> ::core::result::Result<Self, ::gear_graph::NodeError> {
                 ::core::result::Result::Ok(Self {
-                    #(#idents: <#types as ::gear_graph::InputField>::take(#names, slots.next())?,)*
+                    #(#idents: <#types as ::gear_graph::InputField>::take(#names, slots.next_port())?,)*
                 })
             }
 
-            fn give(self) -> ::std::vec::Vec<::core::option::Option<::gear_graph::AnyValue>> {
+            fn give(self) -> ::std::vec::Vec<::gear_graph::Slot> {
                 ::std::vec![#(<#types as ::gear_graph::InputField>::give(self.#idents),)*]
             }
         }

@@ -9,6 +9,8 @@ pub mod graph;
 mod node;
 mod params;
 mod registry;
+mod run;
+mod store;
 pub mod testing;
 mod value;
 mod values;
@@ -16,14 +18,20 @@ mod values;
 pub use any::{AnyValue, ValueType};
 pub use digest::{Digest, Hasher};
 pub use gear_graph_derive::{Choice, Inputs, Outputs, Params};
+pub use graph::{Graph, GraphInput, GraphNode, GraphOutput, GraphSource, Mistakes};
 pub use node::{
     Context, Demand, FileSource, InputField, Inputs, Known, Lazy, Loader, Node, NodeError, Numerics, OutputField,
-    Outputs, PortSpec, Progress, Slots, Want, Wanted,
+    Outputs, PortSpec, Progress, Slot, Slots, Want, Wanted,
 };
 pub use params::{
-    Fields, Limits, OrAuto, Param, ParamKind, ParamSpec, ParamValue, ParamValues, Params, Problem, Reader, Severity,
-    Span, Spanned, Tree, TreeKind, Variant, tagged,
+    Bound, Fields, Limits, OrAuto, Param, ParamKind, ParamSpec, ParamValue, ParamValues, Params, Problem, Reader,
+    Severity, Span, Spanned, Tree, TreeKind, Variant, tagged,
 };
 pub use registry::{LoaderSpec, LoaderType, NodeSpec, NodeType, Registry};
+pub use run::{
+    ElidedPort, Event, Failure, FailureKind, Input, InputSummary, NodeReport, NodeStatus, Observer, Outcome,
+    OutputReport, Plan, PlannedNode, PlannedState, PortReport, Run, RunMistake, RunReport, RunStatus, peak_memory,
+};
+pub use store::{Collected, Store, StoreStat};
 pub use value::{Summary, Value, ValueError};
 pub use values::{Number, Report};

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use crate::{
     AnyValue, Context, Demand, Fields, FileSource, Inputs, Known, Loader, Node, NodeError, Number, Numerics, Outputs,
-    ParamSpec, ParamValues, Params, PortSpec, Report, Slots, Value, ValueType, Want,
+    ParamSpec, ParamValues, PortSpec, Report, Slot, Slots, Value, ValueType, Want,
 };
 
 /// A node type as people and tools see it.
@@ -51,12 +51,7 @@ pub(crate) trait AnyNode: Send + Sync {
     fn realm(&self) -> String;
     fn check(&self) -> Result<(), NodeError>;
     fn demand(&self, output: &str, known: &Known<'_>) -> Result<Demand, NodeError>;
-    fn run(
-        &self,
-        inputs: &mut [Option<AnyValue>],
-        want: &Want,
-        ctx: &Context,
-    ) -> Result<Vec<Option<AnyValue>>, NodeError>;
+    fn run(&self, inputs: &mut [Slot], want: &Want, ctx: &Context) -> Result<Vec<Option<AnyValue>>, NodeError>;
 }
 
 impl<N: Node> AnyNode for N {
@@ -76,12 +71,7 @@ impl<N: Node> AnyNode for N {
         Node::demand(self, output, known)
     }
 
-    fn run(
-        &self,
-        inputs: &mut [Option<AnyValue>],
-        want: &Want,
-        ctx: &Context,
-    ) -> Result<Vec<Option<AnyValue>>, NodeError> {
+    fn run(&self, inputs: &mut [Slot], want: &Want, ctx: &Context) -> Result<Vec<Option<AnyValue>>, NodeError> {
         let inputs = N::Inputs::take(&mut Slots::new(inputs))?;
         Node::run(self, inputs, want, ctx).map(Outputs::give)
     }
@@ -156,12 +146,19 @@ impl Registry {
     /// Adds a node type and the value types of its ports.
     ///
     /// # Panics
-    /// If another node type or value type has the same name: a mistake in the list of registrations.
+    /// If another node type or value type has the same name, or the node has more than 64 ports on one side: mistakes
+    /// in the list of registrations.
     pub fn node<N: Node>(&mut self) -> &mut Self {
         let (inputs, outputs) = (N::Inputs::specs(), N::Outputs::specs());
         for port in inputs.iter().chain(&outputs) {
             self.add_value(port.value_type);
         }
+        // Sets of ports are kept as bits of one word.
+        assert!(
+            inputs.len() <= 64 && outputs.len() <= 64,
+            "`{}` has more than 64 ports",
+            N::NAME
+        );
         let spec = NodeSpec {
             name: N::NAME,
             version: N::VERSION,

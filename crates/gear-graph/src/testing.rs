@@ -1,6 +1,6 @@
 //! What a node author tests a node with: one node, run on plain values.
 
-use crate::{Context, Fields, Inputs, Node, NodeError, Outputs, Params, Problem, Span, Tree, Value, Want};
+use crate::{Context, Fields, Node, NodeError, Outputs, Params, Problem, Span, Tree, Value, Want};
 
 /// Runs a node with all outputs wanted, after checking its parameters as a graph would.
 pub fn run<N: Node>(node: &N, inputs: N::Inputs) -> Result<N::Outputs, NodeError> {
@@ -112,9 +112,4 @@ pub fn assert_codec<T: Value>(values: impl IntoIterator<Item = T>) {
         }
     }
     let _ = T::decode(b"not a value");
-}
-
-/// The inputs again, as slots; for tests of `Inputs` themselves.
-pub fn slots<I: Inputs>(inputs: I) -> Vec<Option<crate::AnyValue>> {
-    inputs.give()
 }

@@ -6,9 +6,10 @@ mod error;
 mod ports;
 
 pub use context::{Context, Progress};
+pub(crate) use demand::KnownPort;
 pub use demand::{Demand, Known};
 pub use error::NodeError;
-pub use ports::{InputField, Inputs, Lazy, OutputField, Outputs, PortSpec, Slots, Want, Wanted};
+pub use ports::{InputField, Inputs, Lazy, OutputField, Outputs, PortSpec, Slot, Slots, Want, Wanted};
 
 use std::path::{Path, PathBuf};
 

@@ -17,6 +17,8 @@ pub struct PortSpec {
     pub optional: bool,
     /// An input that is only computed when `demand` asks for it; an output that is only computed when wanted.
     pub lazy: bool,
+    /// An input that takes a list of any length.
+    pub many: bool,
 }
 
 /// The input ports of a node; derived.
@@ -28,7 +30,7 @@ pub trait Inputs: Send + Sized + 'static {
     fn take(slots: &mut Slots<'_>) -> Result<Self, NodeError>;
 
     /// The values again, one slot a port, in order.
-    fn give(self) -> Vec<Option<AnyValue>>;
+    fn give(self) -> Vec<Slot>;
 }
 
 /// The output ports of a node; derived.
@@ -50,40 +52,39 @@ impl Inputs for () {
         Ok(())
     }
 
-    fn give(self) -> Vec<Option<AnyValue>> {
+    fn give(self) -> Vec<Slot> {
         Vec::new()
     }
 }
 
+/// The values at one input port: none if it is not wired or was not demanded, one, or for a `Vec` port any number.
+pub type Slot = Vec<AnyValue>;
+
 /// The values given to a node, in the order of its input ports.
-pub struct Slots<'a>(std::slice::IterMut<'a, Option<AnyValue>>);
+pub struct Slots<'a>(std::slice::IterMut<'a, Slot>);
 
 impl<'a> Slots<'a> {
     /// Over the values, one slot a port.
-    pub fn new(values: &'a mut [Option<AnyValue>]) -> Self {
+    pub fn new(values: &'a mut [Slot]) -> Self {
         Self(values.iter_mut())
     }
-}
 
-impl Iterator for Slots<'_> {
-    type Item = Option<AnyValue>;
-
-    /// The next port's slot. Its value is moved out, so that a node that is its last reader owns it.
-    fn next(&mut self) -> Option<Self::Item> {
-        self.0.next().map(Option::take)
+    /// The next port's slot. Its values are moved out, so that a node that is their last reader owns them.
+    pub fn next_port(&mut self) -> Slot {
+        self.0.next().map(std::mem::take).unwrap_or_default()
     }
 }
 
-/// What may stand as a field of `Inputs`: `Arc<T>`, `Option<Arc<T>>`, `Lazy<T>`, `Option<Lazy<T>>`.
+/// What may stand as a field of `Inputs`: `Arc<T>`, `Option<Arc<T>>`, `Lazy<T>`, `Option<Lazy<T>>`, `Vec<Arc<T>>`.
 pub trait InputField: Sized {
     /// The port.
     fn spec(name: &'static str, doc: &'static str) -> PortSpec;
 
     /// The field, from its slot.
-    fn take(port: &'static str, slot: Option<Option<AnyValue>>) -> Result<Self, NodeError>;
+    fn take(port: &'static str, slot: Slot) -> Result<Self, NodeError>;
 
     /// The slot again.
-    fn give(self) -> Option<AnyValue>;
+    fn give(self) -> Slot;
 }
 
 /// What may stand as a field of `Outputs`: `Arc<T>` and `Wanted<T>`.
@@ -102,17 +103,26 @@ fn port<T: Value>(name: &'static str, doc: &'static str, optional: bool, lazy: b
         value_type: ValueType::of::<T>(),
         optional,
         lazy,
+        many: false,
     }
 }
 
-fn taken<T: Value>(port: &'static str, slot: Option<Option<AnyValue>>) -> Result<Option<Arc<T>>, NodeError> {
-    match slot.flatten() {
-        None => Ok(None),
-        Some(value) => match value.expect() {
-            Ok(value) => Ok(Some(value)),
-            Err(error) => Err(NodeError::input(port, error.to_string())),
-        },
-    }
+fn all_taken<T: Value>(port: &'static str, slot: Slot) -> Result<Vec<Arc<T>>, NodeError> {
+    slot.into_iter()
+        .map(|value| {
+            value
+                .expect()
+                .map_err(|error| NodeError::input(port, error.to_string()))
+        })
+        .collect()
+}
+
+fn taken<T: Value>(port: &'static str, slot: Slot) -> Result<Option<Arc<T>>, NodeError> {
+    all_taken(port, slot).map(|mut values| values.pop())
+}
+
+fn slot<T: Value>(value: Option<Arc<T>>) -> Slot {
+    value.map(AnyValue::shared).into_iter().collect()
 }
 
 impl<T: Value> InputField for Arc<T> {
@@ -120,12 +130,12 @@ impl<T: Value> InputField for Arc<T> {
         port::<T>(name, doc, false, false)
     }
 
-    fn take(port: &'static str, slot: Option<Option<AnyValue>>) -> Result<Self, NodeError> {
+    fn take(port: &'static str, slot: Slot) -> Result<Self, NodeError> {
         taken(port, slot)?.ok_or_else(|| NodeError::input(port, "is required and was not given"))
     }
 
-    fn give(self) -> Option<AnyValue> {
-        Some(AnyValue::shared(self))
+    fn give(self) -> Slot {
+        slot(Some(self))
     }
 }
 
@@ -134,12 +144,12 @@ impl<T: Value> InputField for Option<Arc<T>> {
         port::<T>(name, doc, true, false)
     }
 
-    fn take(port: &'static str, slot: Option<Option<AnyValue>>) -> Result<Self, NodeError> {
+    fn take(port: &'static str, slot: Slot) -> Result<Self, NodeError> {
         taken(port, slot)
     }
 
-    fn give(self) -> Option<AnyValue> {
-        self.map(AnyValue::shared)
+    fn give(self) -> Slot {
+        slot(self)
     }
 }
 
@@ -179,12 +189,12 @@ impl<T: Value> InputField for Lazy<T> {
         port::<T>(name, doc, false, true)
     }
 
-    fn take(port: &'static str, slot: Option<Option<AnyValue>>) -> Result<Self, NodeError> {
+    fn take(port: &'static str, slot: Slot) -> Result<Self, NodeError> {
         taken(port, slot).map(Self)
     }
 
-    fn give(self) -> Option<AnyValue> {
-        self.0.map(AnyValue::shared)
+    fn give(self) -> Slot {
+        slot(self.0)
     }
 }
 
@@ -193,12 +203,29 @@ impl<T: Value> InputField for Option<Lazy<T>> {
         port::<T>(name, doc, true, true)
     }
 
-    fn take(port: &'static str, slot: Option<Option<AnyValue>>) -> Result<Self, NodeError> {
+    fn take(port: &'static str, slot: Slot) -> Result<Self, NodeError> {
         Ok(taken(port, slot)?.map(|value| Lazy(Some(value))))
     }
 
-    fn give(self) -> Option<AnyValue> {
-        self.and_then(|lazy| lazy.0).map(AnyValue::shared)
+    fn give(self) -> Slot {
+        slot(self.and_then(|lazy| lazy.0))
+    }
+}
+
+impl<T: Value> InputField for Vec<Arc<T>> {
+    fn spec(name: &'static str, doc: &'static str) -> PortSpec {
+        PortSpec {
+            many: true,
+            ..port::<T>(name, doc, true, false)
+        }
+    }
+
+    fn take(port: &'static str, slot: Slot) -> Result<Self, NodeError> {
+        all_taken(port, slot)
+    }
+
+    fn give(self) -> Slot {
+        self.into_iter().map(AnyValue::shared).collect()
     }
 }
 

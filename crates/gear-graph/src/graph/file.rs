@@ -1,0 +1,278 @@
+//! [`Tree`] → the names of a graph file, each with its place. Keys are checked here, names in [`super::check`].
+
+use super::{GRAPH_VERSION, nearest};
+use crate::{Problem, Spanned, Tree, TreeKind};
+
+/// What a graph file says, before any name is looked up.
+pub struct File<'t> {
+    pub inputs: Vec<FileInput<'t>>,
+    pub nodes: Vec<FileNode<'t>>,
+    pub outputs: Vec<(&'t Spanned<String>, Spanned<&'t str>)>,
+}
+
+pub struct FileInput<'t> {
+    pub name: &'t Spanned<String>,
+    pub type_name: Option<Spanned<&'t str>>,
+    pub optional: bool,
+    pub with: Option<&'t Tree>,
+}
+
+pub struct FileNode<'t> {
+    pub id: &'t Spanned<String>,
+    pub node: Option<Spanned<&'t str>>,
+    pub inputs: Vec<(&'t Spanned<String>, Wiring<'t>)>,
+    pub with: Option<&'t Tree>,
+}
+
+/// What stands behind a port: one reference or a list of them.
+pub struct Wiring<'t> {
+    pub refs: Vec<Spanned<&'t str>>,
+    pub list: bool,
+}
+
+type Entries<'t> = &'t [(Spanned<String>, Tree)];
+
+/// Reads a whole file. `None` if it is no map at all.
+pub fn read<'t>(tree: &'t Tree, problems: &mut Vec<Problem>) -> Option<File<'t>> {
+    let mut file = File {
+        inputs: Vec::new(),
+        nodes: Vec::new(),
+        outputs: Vec::new(),
+    };
+    let top = map(tree, "a graph file", problems)?;
+    keys(top, "a graph file", &["gear", "inputs", "nodes", "outputs"], problems);
+    version(top, tree, problems);
+    for (name, tree) in section(top, "inputs", problems) {
+        file.inputs.push(input(name, tree, problems));
+    }
+    for (id, tree) in section(top, "nodes", problems) {
+        file.nodes.extend(node(id, tree, problems));
+    }
+    for (name, tree) in section(top, "outputs", problems) {
+        if let Some(source) = text(tree, &format!("output `{}`", name.value), "`node.port`", problems) {
+            file.outputs.push((name, source));
+        }
+    }
+    if get(top, "outputs").is_none_or(|tree| matches!(&tree.kind, TreeKind::Map(m) if m.is_empty())) {
+        problems.push(
+            Problem::error(
+                "no-outputs",
+                "the graph has no outputs",
+                tree.span,
+                "`outputs` is missing",
+            )
+            .help("without outputs nothing is ever computed; add `outputs: {name: node.port}`"),
+        );
+    }
+    Some(file)
+}
+
+fn version(top: Entries<'_>, tree: &Tree, problems: &mut Vec<Problem>) {
+    match get(top, "gear") {
+        None => problems.push(
+            Problem::error(
+                "missing-version",
+                "the file does not say which version it is",
+                tree.span,
+                "no `gear:` here",
+            )
+            .help(format!("begin with `gear: {GRAPH_VERSION}`")),
+        ),
+        Some(tree) => match tree.kind {
+            TreeKind::Integer(GRAPH_VERSION) => {}
+            TreeKind::Integer(newer) if newer > GRAPH_VERSION => problems.push(
+                Problem::error(
+                    "version-too-new",
+                    format!("the file is of version {newer}, this program reads up to version {GRAPH_VERSION}"),
+                    tree.span,
+                    "too new",
+                )
+                .help("use a newer gear"),
+            ),
+            _ => problems.push(
+                Problem::error(
+                    "bad-version",
+                    format!("the version must be a whole number from 1, found {}", tree.describe()),
+                    tree.span,
+                    "no version",
+                )
+                .help(format!("write `gear: {GRAPH_VERSION}`")),
+            ),
+        },
+    }
+}
+
+fn input<'t>(name: &'t Spanned<String>, tree: &'t Tree, problems: &mut Vec<Problem>) -> FileInput<'t> {
+    good_name(name, "input", problems);
+    let mut input = FileInput {
+        name,
+        type_name: None,
+        optional: false,
+        with: None,
+    };
+    let what = format!("input `{}`", name.value);
+    if let TreeKind::Text(type_name) = &tree.kind {
+        input.type_name = Some(Spanned {
+            value: type_name,
+            span: tree.span,
+        });
+        return input;
+    }
+    let Some(entries) = map(tree, &what, problems) else {
+        return input;
+    };
+    keys(entries, &what, &["type", "optional", "with"], problems);
+    match get(entries, "type") {
+        Some(tree) => input.type_name = text(tree, &what, "a type's name", problems),
+        None => problems.push(
+            Problem::error(
+                "missing-type",
+                format!("{what} has no type"),
+                name.span,
+                "`type` is missing",
+            )
+            .help(format!("write `{}: {{type: Image}}`", name.value)),
+        ),
+    }
+    match get(entries, "optional").map(|tree| (tree, &tree.kind)) {
+        None => {}
+        Some((_, TreeKind::Bool(optional))) => input.optional = *optional,
+        Some((tree, _)) => problems.push(Problem::error(
+            "wrong-type",
+            format!("`optional` of {what} takes true or false, found {}", tree.describe()),
+            tree.span,
+            "expected true or false",
+        )),
+    }
+    input.with = get(entries, "with");
+    input
+}
+
+fn node<'t>(id: &'t Spanned<String>, tree: &'t Tree, problems: &mut Vec<Problem>) -> Option<FileNode<'t>> {
+    good_name(id, "node", problems);
+    let what = format!("node `{}`", id.value);
+    let entries = map(tree, &what, problems)?;
+    keys(entries, &what, &["node", "in", "with"], problems);
+    let mut node = FileNode {
+        id,
+        node: None,
+        inputs: Vec::new(),
+        with: get(entries, "with"),
+    };
+    match get(entries, "node") {
+        Some(tree) => node.node = text(tree, &what, "a node type's name", problems),
+        None => problems.push(
+            Problem::error(
+                "missing-node-type",
+                format!("{what} has no type"),
+                id.span,
+                "`node` is missing",
+            )
+            .help("write `node: TYPE`; `gear nodes` lists the types"),
+        ),
+    }
+    let inputs = match get(entries, "in") {
+        None => &[],
+        Some(tree) => map(tree, &format!("`in` of {what}"), problems).unwrap_or_default(),
+    };
+    for (port, tree) in inputs {
+        let what = format!("port `{}` of {what}", port.value);
+        let expected = "an input's name or `node.port`";
+        let wiring = match &tree.kind {
+            TreeKind::List(items) => Wiring {
+                refs: items
+                    .iter()
+                    .filter_map(|item| text(item, &what, expected, problems))
+                    .collect(),
+                list: true,
+            },
+            _ => Wiring {
+                refs: text(tree, &what, expected, problems).into_iter().collect(),
+                list: false,
+            },
+        };
+        node.inputs.push((port, wiring));
+    }
+    Some(node)
+}
+
+/// A name must be usable in `node.port` and in `--set`.
+fn good_name(name: &Spanned<String>, what: &str, problems: &mut Vec<Problem>) {
+    let good = name
+        .value
+        .chars()
+        .enumerate()
+        .all(|(i, c)| c.is_alphabetic() || c == '_' || (i > 0 && (c.is_ascii_digit() || c == '-')));
+    if !good || name.value.is_empty() {
+        problems.push(
+            Problem::error(
+                "bad-name",
+                format!("`{}` cannot be the name of an {what}", name.value).replace("an node", "a node"),
+                name.span,
+                "not a name",
+            )
+            .help("a name begins with a letter and goes on with letters, digits, `_` and `-`"),
+        );
+    }
+}
+
+fn get<'t>(entries: Entries<'t>, key: &str) -> Option<&'t Tree> {
+    entries.iter().rev().find(|(k, _)| k.value == key).map(|(_, tree)| tree)
+}
+
+fn section<'t>(top: Entries<'t>, key: &str, problems: &mut Vec<Problem>) -> Entries<'t> {
+    get(top, key)
+        .and_then(|tree| map(tree, &format!("`{key}`"), problems))
+        .unwrap_or_default()
+}
+
+fn map<'t>(tree: &'t Tree, what: &str, problems: &mut Vec<Problem>) -> Option<Entries<'t>> {
+    match &tree.kind {
+        TreeKind::Map(entries) => Some(entries),
+        TreeKind::Null if what.starts_with('`') => Some(&[]),
+        _ => {
+            problems.push(Problem::error(
+                "wrong-type",
+                format!("{what} must be a map, found {}", tree.describe()),
+                tree.span,
+                "expected a map",
+            ));
+            None
+        }
+    }
+}
+
+fn text<'t>(tree: &'t Tree, what: &str, expected: &str, problems: &mut Vec<Problem>) -> Option<Spanned<&'t str>> {
+    match &tree.kind {
+        TreeKind::Text(value) => Some(Spanned { value, span: tree.span }),
+        _ => {
+            problems.push(Problem::error(
+                "wrong-type",
+                format!("{what} takes {expected}, found {}", tree.describe()),
+                tree.span,
+                format!("expected {expected}"),
+            ));
+            None
+        }
+    }
+}
+
+fn keys(entries: Entries<'_>, what: &str, known: &[&str], problems: &mut Vec<Problem>) {
+    for (key, _) in entries {
+        if known.contains(&key.value.as_str()) {
+            continue;
+        }
+        problems.push(
+            Problem::error(
+                "unknown-key",
+                format!("{what} has no key `{}`", key.value),
+                key.span,
+                "unknown key",
+            )
+            .help(match nearest(&key.value, known.iter().copied()) {
+                Some(name) => format!("did you mean `{name}`?"),
+                None => format!("its keys are {}", known.join(", ")),
+            }),
+        );
+    }
+}

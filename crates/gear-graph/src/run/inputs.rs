@@ -1,0 +1,274 @@
+//! What is given to a run: files, bytes made on demand, values.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use super::Run;
+use crate::graph::nearest;
+use crate::{AnyValue, Digest, FileSource, Hasher, NodeError, ValueError};
+
+type Make = dyn Fn() -> Result<Vec<u8>, NodeError> + Send + Sync;
+
+/// What is given for an input of a graph.
+#[derive(Clone)]
+pub enum Input {
+    /// A file, read by the loader of the input's type.
+    File(PathBuf),
+    /// Bytes, made only if they are needed, and read by the loader of the input's type.
+    Made {
+        /// What people call it.
+        name: String,
+        /// Identifies the bytes: whoever changes what `make` gives must change the key.
+        key: Digest,
+        /// Makes the bytes.
+        make: Arc<Make>,
+    },
+    /// A value.
+    Value(AnyValue),
+}
+
+impl Input {
+    /// A file on disk.
+    pub fn file(path: impl Into<PathBuf>) -> Self {
+        Self::File(path.into())
+    }
+
+    /// Bytes made on demand, such as a sample painting. `key` identifies the bytes: a name with a version.
+    pub fn made(
+        name: impl Into<String>,
+        key: &str,
+        make: impl Fn() -> Result<Vec<u8>, NodeError> + Send + Sync + 'static,
+    ) -> Self {
+        Self::Made {
+            name: name.into(),
+            key: Hasher::new("made").bytes(key.as_bytes()).finish(),
+            make: Arc::new(make),
+        }
+    }
+}
+
+impl fmt::Debug for Input {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(path) => write!(f, "File({})", path.display()),
+            Self::Made { name, .. } => write!(f, "Made({name})"),
+            Self::Value(value) => write!(f, "Value({value:?})"),
+        }
+    }
+}
+
+/// A mistake in how a run was asked for.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunMistake {
+    /// A name that the graph does not have.
+    #[error("the graph has no {what} named `{name}`{}", help.as_ref().map(|h| format!("; {h}")).unwrap_or_default())]
+    UnknownName {
+        /// `input`, `output` or `node`.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// The nearest name, or all of them.
+        help: Option<String>,
+    },
+    /// A required input was not given.
+    #[error("the graph needs the input `{name}` ({type_name}), which was not given")]
+    MissingInput {
+        /// Its name.
+        name: String,
+        /// Its type.
+        type_name: &'static str,
+    },
+    /// A file cannot be read.
+    #[error("input `{name}`: {}: {problem}", path.display())]
+    BadFile {
+        /// The input.
+        name: String,
+        /// The file.
+        path: PathBuf,
+        /// What was found.
+        problem: String,
+    },
+    /// A value of another type, or a file for a type that no loader reads.
+    #[error("input `{name}`: {problem}")]
+    BadValue {
+        /// The input.
+        name: String,
+        /// What was found.
+        problem: String,
+    },
+}
+
+/// What an input turned out to be.
+#[derive(Clone)]
+pub(super) enum Given {
+    Absent,
+    /// What the loader reads, and the digest of its bytes.
+    Source {
+        source: Source,
+        digest: Digest,
+    },
+    Value(AnyValue),
+}
+
+#[derive(Clone)]
+pub(super) enum Source {
+    File { path: PathBuf, stamp: Stamp },
+    Made { name: String, make: Arc<Make> },
+}
+
+/// What tells that a file changed while it was read.
+pub(super) type Stamp = (u64, Option<SystemTime>);
+
+impl Source {
+    pub fn name(&self) -> String {
+        match self {
+            Self::File { path, .. } => path.display().to_string(),
+            Self::Made { name, .. } => name.clone(),
+        }
+    }
+
+    pub fn open(&self) -> Result<FileSource, NodeError> {
+        Ok(match self {
+            Self::File { path, .. } => FileSource::path(path),
+            Self::Made { name, make } => FileSource::bytes(name, make()?),
+        })
+    }
+
+    /// An error if the file is not the one whose digest was taken.
+    pub fn still_the_same(&self) -> Result<(), NodeError> {
+        match self {
+            Self::File { path, stamp } if stamp_of(path).is_ok_and(|now| now != *stamp) => {
+                Err(NodeError::new("the file changed while it was read; run again"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+fn stamp_of(path: &Path) -> std::io::Result<Stamp> {
+    let meta = std::fs::metadata(path)?;
+    Ok((meta.len(), meta.modified().ok()))
+}
+
+/// Matches what was given with what the graph has; all mistakes at once.
+pub(super) fn resolve(run: &Run<'_>) -> Result<Vec<Given>, Vec<RunMistake>> {
+    let graph = run.graph;
+    let mut mistakes = Vec::new();
+    let mut unknown = |what: &'static str, name: &str, names: Vec<&str>| {
+        let help = match nearest(name, names.iter().copied()) {
+            Some(near) => Some(format!("did you mean `{near}`?")),
+            None if names.is_empty() => None,
+            None => Some(format!("it has {}", names.join(", "))),
+        };
+        mistakes.push(RunMistake::UnknownName {
+            what,
+            name: name.to_string(),
+            help,
+        });
+    };
+    let inputs: Vec<_> = graph.inputs().iter().map(|input| input.name.as_str()).collect();
+    let outputs: Vec<_> = graph.outputs().iter().map(|output| output.name.as_str()).collect();
+    let nodes: Vec<_> = graph
+        .nodes()
+        .iter()
+        .map(|node| node.id.as_str())
+        .chain(inputs.iter().copied())
+        .collect();
+    for name in run.inputs.keys().filter(|name| !inputs.contains(&name.as_str())) {
+        unknown("input", name, inputs.clone());
+    }
+    for name in run
+        .outputs
+        .iter()
+        .flatten()
+        .filter(|name| !outputs.contains(&name.as_str()))
+    {
+        unknown("output", name, outputs.clone());
+    }
+    for name in run.fresh.iter().filter(|name| !nodes.contains(&name.as_str())) {
+        unknown("node", name, nodes.clone());
+    }
+    let mut given = Vec::new();
+    for input in graph.inputs() {
+        let mistake = match run.inputs.get(&input.name) {
+            None if input.optional => {
+                given.push(Given::Absent);
+                continue;
+            }
+            None => RunMistake::MissingInput {
+                name: input.name.clone(),
+                type_name: input.value_type.name,
+            },
+            Some(Input::Value(value)) if value.value_type() == input.value_type => {
+                given.push(Given::Value(value.clone()));
+                continue;
+            }
+            Some(Input::Value(value)) => RunMistake::BadValue {
+                name: input.name.clone(),
+                problem: ValueError::new(
+                    input.value_type.name,
+                    format!("expected {}, found {}", input.value_type.name, value.value_type().name),
+                )
+                .to_string(),
+            },
+            Some(_) if input.load.is_none() => RunMistake::BadValue {
+                name: input.name.clone(),
+                problem: format!("no loader reads files of type {}", input.value_type.name),
+            },
+            Some(Input::Made { name, key, make }) => {
+                given.push(Given::Source {
+                    source: Source::Made {
+                        name: name.clone(),
+                        make: Arc::clone(make),
+                    },
+                    digest: *key,
+                });
+                continue;
+            }
+            Some(Input::File(path)) => match hash_file(path) {
+                Ok((digest, stamp)) => {
+                    given.push(Given::Source {
+                        source: Source::File {
+                            path: path.clone(),
+                            stamp,
+                        },
+                        digest,
+                    });
+                    continue;
+                }
+                Err(problem) => RunMistake::BadFile {
+                    name: input.name.clone(),
+                    path: path.clone(),
+                    problem,
+                },
+            },
+        };
+        mistakes.push(mistake);
+    }
+    if mistakes.is_empty() { Ok(given) } else { Err(mistakes) }
+}
+
+fn hash_file(path: &Path) -> Result<(Digest, Stamp), String> {
+    let open = || -> std::io::Result<(Digest, Stamp)> {
+        let file = std::fs::File::open(path)?;
+        if file.metadata()?.is_dir() {
+            return Err(std::io::Error::other("this is a folder, expected a file"));
+        }
+        let stamp = stamp_of(path)?;
+        let mut hasher = blake3::Hasher::new();
+        hasher.update_reader(file)?;
+        let digest = Digest(*hasher.finalize().as_bytes());
+        Ok((Hasher::new("file").digest(&digest).finish(), stamp))
+    };
+    match open() {
+        Ok((_, (0, _))) => Err("the file is empty".to_string()),
+        Ok(hashed) => Ok(hashed),
+        Err(error) => Err(match error.kind() {
+            std::io::ErrorKind::NotFound => "there is no such file".to_string(),
+            _ => error.to_string(),
+        }),
+    }
+}

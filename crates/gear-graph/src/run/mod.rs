@@ -1,0 +1,154 @@
+//! Running a graph: what is asked for, what comes back.
+//!
+//! ```
+//! # use gear_graph::{GraphSource, Registry, Report, Run, Store};
+//! # let registry = Registry::new();
+//! let text = "gear: 1\ninputs: {note: Report}\noutputs: {note: note}\n";
+//! let graph = GraphSource::new("note.yaml", text).check(&registry).unwrap();
+//! let run = Run::new(&graph).input_value("note", Report(serde_json::json!({"x": 1})));
+//! let outcome = run.go().unwrap();
+//! assert_eq!(outcome.value("note").unwrap().get::<Report>().unwrap().0["x"], 1);
+//! ```
+
+mod inputs;
+mod jobs;
+mod keys;
+mod machine;
+mod memory;
+mod observe;
+mod outcome;
+mod plan;
+mod report;
+mod scheduler;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+pub use inputs::{Input, RunMistake};
+pub use memory::peak_memory;
+pub use observe::{Event, Observer};
+pub use outcome::Outcome;
+pub use plan::{Plan, PlannedNode, PlannedState};
+pub use report::{
+    ElidedPort, Failure, FailureKind, InputSummary, NodeReport, NodeStatus, OutputReport, PortReport, RunReport,
+    RunStatus,
+};
+
+use crate::{AnyValue, Graph, Store, Value};
+
+/// A run that is being set up. Nothing happens before [`Run::go`] or [`Run::plan`].
+#[derive(Clone)]
+pub struct Run<'g> {
+    pub(crate) graph: &'g Graph,
+    pub(crate) inputs: BTreeMap<String, Input>,
+    pub(crate) outputs: Option<Vec<String>>,
+    pub(crate) values: bool,
+    pub(crate) store: Option<Arc<Store>>,
+    pub(crate) jobs: usize,
+    pub(crate) fresh: BTreeSet<String>,
+    pub(crate) elision: bool,
+    pub(crate) fail_fast: bool,
+    pub(crate) cancel: Arc<AtomicBool>,
+    pub(crate) observer: Option<Arc<dyn Observer>>,
+}
+
+impl<'g> Run<'g> {
+    /// A run of all outputs, without inputs and without a store, on all cores.
+    pub fn new(graph: &'g Graph) -> Self {
+        Self {
+            graph,
+            inputs: BTreeMap::new(),
+            outputs: None,
+            values: false,
+            store: None,
+            jobs: std::thread::available_parallelism().map_or(1, usize::from),
+            fresh: BTreeSet::new(),
+            elision: true,
+            fail_fast: false,
+            cancel: Arc::default(),
+            observer: None,
+        }
+    }
+
+    /// Gives an input of the graph.
+    pub fn input(mut self, name: impl Into<String>, input: Input) -> Self {
+        self.inputs.insert(name.into(), input);
+        self
+    }
+
+    /// Gives an input of the graph as a value.
+    pub fn input_value(self, name: impl Into<String>, value: impl Value) -> Self {
+        self.input(name, Input::Value(AnyValue::new(value)))
+    }
+
+    /// Asks for some outputs only.
+    pub fn outputs<S: Into<String>>(mut self, names: impl IntoIterator<Item = S>) -> Self {
+        self.outputs = Some(names.into_iter().map(Into::into).collect());
+        self
+    }
+
+    /// Makes sure that the outputs' values can be had afterwards, not only their digests: what the store knows but
+    /// does not hold any more is computed again. [`Outcome::value`] does this when it has to.
+    pub fn with_values(mut self) -> Self {
+        self.values = true;
+        self
+    }
+
+    /// Uses a store.
+    pub fn store(mut self, store: Arc<Store>) -> Self {
+        self.store = Some(store);
+        self
+    }
+
+    /// Uses so many threads in all, for nodes and within them.
+    pub fn jobs(mut self, jobs: usize) -> Self {
+        self.jobs = jobs.max(1);
+        self
+    }
+
+    /// Runs this node (or loads this input) whatever the store knows of it.
+    pub fn fresh(mut self, node: impl Into<String>) -> Self {
+        self.fresh.insert(node.into());
+        self
+    }
+
+    /// Switches elisions off: every lazy port that is wired is computed. For comparing.
+    pub fn no_elision(mut self) -> Self {
+        self.elision = false;
+        self
+    }
+
+    /// Starts nothing more once a node has failed. Otherwise everything that does not depend on it is finished.
+    pub fn fail_fast(mut self) -> Self {
+        self.fail_fast = true;
+        self
+    }
+
+    /// Interrupts the run when the flag becomes true.
+    pub fn cancel(mut self, flag: Arc<AtomicBool>) -> Self {
+        self.cancel = flag;
+        self
+    }
+
+    /// Tells somebody what happens while it happens.
+    pub fn observer(mut self, observer: Arc<dyn Observer>) -> Self {
+        self.observer = Some(observer);
+        self
+    }
+
+    /// What would run, what is stored, what is left out and why; nothing is computed.
+    pub fn plan(&self) -> Result<Plan, Vec<RunMistake>> {
+        let given = inputs::resolve(self)?;
+        Ok(plan::plan(self, &given))
+    }
+
+    /// Runs. `Err` is a mistake of the user, found before anything ran; a node that fails is told in the report.
+    pub fn go(&self) -> Result<Outcome<'g>, Vec<RunMistake>> {
+        let given = inputs::resolve(self)?;
+        Ok(scheduler::run(self, given))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,255 @@
+//! What a run leaves: its record, and its outputs.
+
+use std::time::Duration;
+
+use super::inputs::Given;
+use super::machine::{Machine, Phase};
+use super::report::{ElidedPort, NodeReport, NodeStatus, OutputReport, PortReport, RunReport, RunStatus};
+use super::{Run, memory};
+use crate::{AnyValue, Digest};
+
+/// What a run leaves.
+pub struct Outcome<'g> {
+    /// The record of the run.
+    pub report: RunReport,
+    run: Run<'g>,
+    outputs: Vec<OutputState>,
+}
+
+struct OutputState {
+    name: String,
+    digest: Option<Digest>,
+    value: Option<AnyValue>,
+}
+
+impl Outcome<'_> {
+    /// The digest of an output's value; `None` if it failed, was not asked for or does not exist.
+    pub fn digest(&self, output: &str) -> Option<Digest> {
+        self.output(output)?.digest
+    }
+
+    /// The value of an output: from memory, from the store, or computed again if the store lost it. `None` if it
+    /// failed, was not asked for or does not exist.
+    pub fn value(&self, output: &str) -> Option<AnyValue> {
+        let state = self.output(output)?;
+        let digest = state.digest?;
+        if let Some(value) = &state.value {
+            return Some(value.clone());
+        }
+        let graph = self.run.graph;
+        let slot = graph.outputs().iter().find(|o| o.name == output)?.slot;
+        let stored = self
+            .run
+            .store
+            .as_ref()
+            .and_then(|store| store.load(&digest, &graph.slot_type(slot)));
+        stored.or_else(|| {
+            let again = self.run.clone().outputs([output]).with_values().go().ok()?;
+            again.outputs.into_iter().find(|o| o.name == output)?.value
+        })
+    }
+
+    fn output(&self, name: &str) -> Option<&OutputState> {
+        self.outputs.iter().find(|output| output.name == name)
+    }
+}
+
+impl std::fmt::Debug for Outcome<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Outcome({:?})", self.report.status)
+    }
+}
+
+pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, elapsed: Duration, interrupted: bool) -> Outcome<'g> {
+    let targets = machine.targets();
+    let complete = targets
+        .iter()
+        .all(|slot| machine.slots[*slot as usize].phase == Phase::Done);
+    let status = if interrupted && !complete {
+        RunStatus::Interrupted
+    } else if complete && machine.failures.is_empty() {
+        RunStatus::Done
+    } else {
+        RunStatus::Failed
+    };
+    let left_out = why_left_out(&machine);
+    let graph = run.graph;
+    let nodes = graph
+        .order
+        .iter()
+        .map(|site| node_report(&machine, *site, &left_out))
+        .collect();
+    let outputs: Vec<_> = graph
+        .outputs()
+        .iter()
+        .filter(|output| run.outputs.as_ref().is_none_or(|names| names.contains(&output.name)))
+        .map(|output| {
+            let slot = &machine.slots[output.slot as usize];
+            let done = slot.phase == Phase::Done;
+            OutputState {
+                name: output.name.clone(),
+                digest: done.then_some(slot.digest),
+                value: slot.value.clone().filter(|_| done),
+            }
+        })
+        .collect();
+    let report = RunReport {
+        version: env!("CARGO_PKG_VERSION"),
+        graph: graph.name().to_string(),
+        status,
+        seconds: elapsed.as_secs_f64(),
+        peak_memory: memory::peak_memory(),
+        jobs: run.jobs,
+        elision: run.elision,
+        store: run.store.as_ref().map(|store| store.path().display().to_string()),
+        nodes,
+        outputs: outputs
+            .iter()
+            .zip(&targets)
+            .map(|(output, slot)| OutputReport {
+                name: output.name.clone(),
+                source: graph.slot_name(*slot),
+                type_name: graph.slot_type(*slot).name,
+                digest: output.digest.map(|digest| digest.hex()),
+            })
+            .collect(),
+        failures: machine.failures,
+        warnings: machine.warnings,
+    };
+    Outcome {
+        report,
+        run: run.clone(),
+        outputs,
+    }
+}
+
+/// For every site of which nothing was requested, why.
+fn why_left_out(machine: &Machine<'_>) -> Vec<Option<String>> {
+    let graph = machine.graph;
+    let mut why: Vec<Option<String>> = vec![None; graph.sites()];
+    for site in graph.order.iter().rev() {
+        let mut slots = graph.slots_of(*site);
+        if !slots.all(|slot| matches!(machine.slots[slot as usize].phase, Phase::Idle | Phase::Dead)) {
+            continue;
+        }
+        let alive: Vec<u32> = graph
+            .slots_of(*site)
+            .filter(|slot| machine.slots[*slot as usize].alive)
+            .collect();
+        let mut reason = "no output that was asked for needs it".to_string();
+        for reading in alive.iter().flat_map(|slot| graph.readers_of(*slot)) {
+            let reader = graph.site_name(reading.site);
+            let did_without = graph.slots_of(reading.site).find_map(|slot| {
+                let state = &machine.slots[slot as usize];
+                (state.phase == Phase::Done && state.demanded & (1 << reading.port) == 0).then_some(&state.reason)
+            });
+            if let Some(because) = did_without
+                && let Some(node) = graph.node_at(reading.site)
+            {
+                let port = node.spec.inputs[usize::from(reading.port)].name;
+                let because = if because.is_empty() {
+                    String::new()
+                } else {
+                    format!(": {because}")
+                };
+                reason = format!("`{reader}` does without `{port}`{because}");
+                break;
+            }
+            if why[reading.site as usize].is_some() {
+                reason = format!("only `{reader}` would read it, which is left out");
+            }
+        }
+        why[*site as usize] = Some(reason);
+    }
+    why
+}
+
+fn node_report(machine: &Machine<'_>, site: u32, left_out: &[Option<String>]) -> NodeReport {
+    let graph = machine.graph;
+    let state = &machine.sites[site as usize];
+    let node = graph.node_at(site);
+    let slots: Vec<u32> = graph.slots_of(site).collect();
+    let phases = || slots.iter().map(|slot| machine.slots[*slot as usize].phase);
+    let given = machine.given.get(site as usize);
+    let mut reason = None;
+    let status = if state.failed {
+        NodeStatus::Failed
+    } else if let Some(by) = state.skipped_by {
+        reason = Some(format!("`{}` failed", graph.site_name(by)));
+        NodeStatus::Skipped
+    } else if matches!(given, Some(Given::Absent | Given::Value(_))) {
+        NodeStatus::Given
+    } else if let Some(why) = &left_out[site as usize] {
+        reason = Some(why.clone());
+        NodeStatus::LeftOut
+    } else if state.ran {
+        NodeStatus::Ran
+    } else if phases().all(|phase| matches!(phase, Phase::Done | Phase::Idle | Phase::Dead)) {
+        NodeStatus::Cached
+    } else {
+        NodeStatus::Unfinished
+    };
+    let (params, type_name, version, realm) = match node {
+        Some(node) => (node.params(), node.spec.name, node.spec.version, node.node.realm()),
+        None => {
+            let input = &graph.inputs()[site as usize];
+            let version = input.loader.as_ref().map_or(0, |loader| loader.version);
+            (input.params(), input.value_type.name, version, "cpu".to_string())
+        }
+    };
+    NodeReport {
+        id: graph.site_name(site).to_string(),
+        type_name: type_name.to_string(),
+        input: node.is_none(),
+        status,
+        reason,
+        node_version: version,
+        realm,
+        source: match given {
+            Some(Given::Source { source, .. }) => Some(source.name()),
+            _ => None,
+        },
+        params,
+        seconds: if state.ran { state.seconds } else { state.saved },
+        peak_memory: state.peak,
+        notes: state.notes.clone(),
+        outputs: slots
+            .iter()
+            .filter(|slot| !matches!(machine.slots[**slot as usize].phase, Phase::Idle | Phase::Dead))
+            .map(|slot| {
+                let state = &machine.slots[*slot as usize];
+                PortReport {
+                    port: graph.port_name(*slot).to_string(),
+                    type_name: graph.slot_type(*slot).name,
+                    hit: state.hit,
+                    key: state.key.map(|key| key.hex()),
+                    digest: (state.phase == Phase::Done).then(|| state.digest.hex()),
+                    bytes: state.bytes,
+                }
+            })
+            .collect(),
+        elided: slots.iter().flat_map(|slot| elided(machine, *slot)).collect(),
+    }
+}
+
+/// The lazy ports that are wired and were not demanded for an output that is done.
+fn elided(machine: &Machine<'_>, slot: u32) -> Vec<ElidedPort> {
+    let graph = machine.graph;
+    let state = &machine.slots[slot as usize];
+    let Some(node) = graph.node_at(graph.site_of[slot as usize]) else {
+        return Vec::new();
+    };
+    if state.phase != Phase::Done {
+        return Vec::new();
+    }
+    let (_, lazy) = machine.wired(slot);
+    let ports = node.spec.inputs.iter().enumerate();
+    ports
+        .filter(|(i, _)| lazy & !state.demanded & (1 << i) != 0)
+        .map(|(_, port)| ElidedPort {
+            output: graph.port_name(slot).to_string(),
+            port: port.name.to_string(),
+            reason: state.reason.to_string(),
+        })
+        .collect()
+}

@@ -1,0 +1,212 @@
+//! Keeping the store within its size: what took long to compute and is small stays longest.
+
+use std::collections::HashMap;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use super::record::{Content, Record};
+use super::{Store, log};
+use crate::Digest;
+
+/// What a store holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct StoreStat {
+    /// Recorded actions.
+    pub actions: usize,
+    /// Artefacts kept by key.
+    pub blobs: usize,
+    /// Files with contents.
+    pub contents: usize,
+    /// Bytes of contents.
+    pub content_bytes: u64,
+    /// Bytes of the log.
+    pub log_bytes: u64,
+}
+
+/// What a collection removed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Collected {
+    /// Files removed.
+    pub files: usize,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Bytes of contents and log left.
+    pub left: u64,
+}
+
+/// Files that belong to nobody are left alone for so long: another process may be about to record them.
+const GRACE: Duration = Duration::from_secs(3600);
+
+struct Kept {
+    path: PathBuf,
+    bytes: u64,
+    /// Seconds of work per byte, the less the longer it was not read.
+    worth: f64,
+}
+
+impl Store {
+    /// What the store holds, counted on disk.
+    pub fn stat(&self) -> StoreStat {
+        let records = log::Log::read(&self.root, &mut Vec::new()).records();
+        let files = files(&self.root.join("contents"));
+        StoreStat {
+            actions: records.iter().filter(|r| matches!(r, Record::Done(_))).count(),
+            blobs: records.iter().filter(|r| matches!(r, Record::Blob { .. })).count(),
+            contents: files.len(),
+            content_bytes: files.iter().map(|(_, meta)| meta.len()).sum(),
+            log_bytes: fs::metadata(log::path(&self.root)).map_or(0, |meta| meta.len()),
+        }
+    }
+
+    /// Collects garbage if the store has grown beyond `limit` bytes, as far as this process knows.
+    pub fn gc_if_above(&self, limit: u64) -> io::Result<Option<Collected>> {
+        let inner = self.inner();
+        if inner.read_only || inner.bytes <= limit {
+            return Ok(None);
+        }
+        drop(inner);
+        let collected = self.gc(limit)?;
+        self.inner().bytes = collected.left;
+        Ok(Some(collected))
+    }
+
+    /// Removes contents, least worth first, until contents and log take at most nine tenths of `limit`; then
+    /// rewrites the log with the latest record of every key. Actions whose contents were removed stay known by their
+    /// digests. Other processes wait to append meanwhile; what they have open stays good.
+    pub fn gc(&self, limit: u64) -> io::Result<Collected> {
+        self.flush();
+        let lock = log::lock_file(&self.root)?;
+        lock.lock()?;
+        let records = log::Log::read(&self.root, &mut Vec::new()).records();
+        let seconds = seconds_of(&records);
+        let now = SystemTime::now();
+        let mut collected = Collected::default();
+        let mut kept = Vec::new();
+        let mut total = fs::metadata(log::path(&self.root)).map_or(0, |meta| meta.len());
+        for (path, meta) in files(&self.root.join("contents")) {
+            let age = meta
+                .modified()
+                .ok()
+                .and_then(|time| now.duration_since(time).ok())
+                .unwrap_or_default();
+            let known = seconds.get(path.file_stem().and_then(|s| s.to_str()).unwrap_or_default());
+            if known.is_none() && age > GRACE {
+                remove(&path, meta.len(), &mut collected);
+                continue;
+            }
+            total += meta.len();
+            let days = age.as_secs_f64() / 86_400.0;
+            kept.push(Kept {
+                path,
+                bytes: meta.len(),
+                worth: known.copied().unwrap_or(0.0) / (meta.len() as f64 + 1.0) / (1.0 + days),
+            });
+        }
+        for (path, meta) in files(&self.root.join("tmp")) {
+            if meta
+                .modified()
+                .is_ok_and(|time| now.duration_since(time).is_ok_and(|age| age > GRACE))
+            {
+                remove(&path, meta.len(), &mut collected);
+            }
+        }
+        kept.sort_by(|a, b| a.worth.total_cmp(&b.worth).then_with(|| a.path.cmp(&b.path)));
+        for content in kept {
+            if total <= limit / 10 * 9 {
+                break;
+            }
+            total -= content.bytes;
+            remove(&content.path, content.bytes, &mut collected);
+        }
+        let before = fs::metadata(log::path(&self.root)).map_or(0, |meta| meta.len());
+        let after = self.rewrite(records, limit / 4)?;
+        collected.left = total - before + after;
+        Ok(collected)
+    }
+
+    /// Writes the records that are worth keeping into a new log, at most `limit` bytes, latest first; its size.
+    fn rewrite(&self, records: Vec<Record>, limit: u64) -> io::Result<u64> {
+        let mut frames = Vec::new();
+        let mut total = 0;
+        for mut record in records.into_iter().rev() {
+            let gone = log::content(&record).is_some_and(|content| !self.contents.exists(content));
+            match &mut record {
+                Record::Done(done) if gone => done.content = None,
+                Record::Blob { .. } if gone => continue,
+                _ => {}
+            }
+            let mut bytes = Vec::new();
+            record.write(&mut bytes);
+            total += bytes.len() as u64;
+            if total > limit {
+                break;
+            }
+            frames.push(bytes);
+        }
+        let mut file = tempfile::Builder::new()
+            .prefix("log-")
+            .tempfile_in(self.root.join("tmp"))?;
+        let bytes: Vec<u8> = frames.into_iter().rev().flatten().collect();
+        file.write_all(&bytes)?;
+        file.persist(log::path(&self.root)).map_err(|error| error.error)?;
+        Ok(bytes.len() as u64)
+    }
+
+    /// Removes everything.
+    pub fn clear(&self) -> io::Result<Collected> {
+        self.flush();
+        let lock = log::lock_file(&self.root)?;
+        lock.lock()?;
+        let mut collected = Collected::default();
+        for (path, meta) in files(&self.root.join("contents")) {
+            remove(&path, meta.len(), &mut collected);
+        }
+        remove(&log::path(&self.root), 0, &mut collected);
+        Ok(collected)
+    }
+}
+
+/// Seconds of work behind every content, by the checksum that is its name.
+fn seconds_of(records: &[Record]) -> HashMap<String, f64> {
+    let mut seconds = HashMap::new();
+    let mut add = |checksum: &Digest, s: f64| {
+        let entry = seconds.entry(checksum.hex()).or_insert(0.0f64);
+        *entry = entry.max(s);
+    };
+    for record in records {
+        match (record, log::content(record)) {
+            (Record::Done(done), Some(Content::File { checksum, .. })) => add(checksum, done.seconds),
+            // A blob is made from values in moments; a second is a fair guess.
+            (Record::Blob { .. }, Some(Content::File { checksum, .. })) => add(checksum, 1.0),
+            _ => {}
+        }
+    }
+    seconds
+}
+
+fn remove(path: &Path, bytes: u64, collected: &mut Collected) {
+    if fs::remove_file(path).is_ok() {
+        collected.files += 1;
+        collected.bytes += bytes;
+    }
+}
+
+/// The files of a folder and of its folders.
+fn files(root: &Path) -> Vec<(PathBuf, fs::Metadata)> {
+    let mut found = Vec::new();
+    let mut folders = vec![root.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        let Ok(entries) = fs::read_dir(folder) else { continue };
+        for entry in entries.flatten() {
+            match entry.metadata() {
+                Ok(meta) if meta.is_dir() => folders.push(entry.path()),
+                Ok(meta) if meta.is_file() => found.push((entry.path(), meta)),
+                _ => {}
+            }
+        }
+    }
+    found.sort_by(|(a, _), (b, _)| a.cmp(b));
+    found
+}

@@ -1,0 +1,179 @@
+//! The log of actions: read once, then appended to.
+
+use std::collections::HashMap;
+use std::fs::{self, File, OpenOptions};
+use std::hash::{BuildHasherDefault, Hasher};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::record::{self, Content, Done, Record};
+use crate::Digest;
+
+/// A change of the format changes the name, so that another version's log is a clean miss.
+const NAME: &str = "actions-1.log";
+
+pub fn path(root: &Path) -> PathBuf {
+    root.join(NAME)
+}
+
+/// Keys are digests: their first bytes are as good a hash as any.
+#[derive(Default)]
+pub struct FirstBytes(u64);
+
+impl Hasher for FirstBytes {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        if let Some(first) = bytes.first_chunk() {
+            self.0 ^= u64::from_le_bytes(*first);
+        }
+    }
+
+    fn write_usize(&mut self, _: usize) {} // the length of the array, always the same
+}
+
+type Index = HashMap<Digest, (usize, usize), BuildHasherDefault<FirstBytes>>;
+
+/// All records: the bytes of the log as it was when it was opened and of what was pushed since, and where in them
+/// the latest record of every key stands.
+pub struct Log {
+    bytes: Vec<u8>,
+    by_key: Index,
+    by_value: Index,
+    /// Everything before this offset is on disk.
+    written: usize,
+    contents: u64,
+}
+
+impl Log {
+    pub fn read(root: &Path, warnings: &mut Vec<String>) -> Self {
+        let path = path(root);
+        let bytes = match fs::read(&path) {
+            Ok(bytes) => bytes,
+            Err(error) => {
+                if error.kind() != io::ErrorKind::NotFound && error.kind() != io::ErrorKind::NotADirectory {
+                    warnings.push(format!("the store's {} cannot be read ({error})", path.display()));
+                }
+                Vec::new()
+            }
+        };
+        let (frames, damaged) = record::frames(&bytes);
+        if damaged > 0 {
+            warnings.push(format!(
+                "{damaged} bytes of the store's {} are damaged; what they recorded is computed again",
+                path.display()
+            ));
+        }
+        let mut log = Self {
+            written: bytes.len(),
+            bytes,
+            by_key: Index::default(),
+            by_value: Index::default(),
+            contents: 0,
+        };
+        log.by_key.reserve(frames.len());
+        for frame in frames {
+            log.index(frame);
+        }
+        log
+    }
+
+    fn index(&mut self, frame: std::ops::Range<usize>) {
+        // Only keys are read here: opening a log of 100,000 records must cost milliseconds.
+        let payload = &self.bytes[frame.clone()];
+        let digest = |at: usize| {
+            payload
+                .get(at..at + 32)
+                .and_then(|bytes| bytes.first_chunk().copied().map(Digest))
+        };
+        let place = (frame.start, frame.end);
+        if let Some(key) = digest(1) {
+            self.by_key.insert(key, place);
+        }
+        let mut content_at = 33;
+        if payload.first() == Some(&1) {
+            content_at = 65;
+            if let (Some(value), Some(1 | 2)) = (digest(33), payload.get(65)) {
+                self.by_value.insert(value, place);
+            }
+        }
+        if matches!(payload.first(), Some(1 | 3)) && payload.get(content_at) == Some(&2) {
+            let size = payload
+                .get(content_at + 33..content_at + 41)
+                .and_then(|bytes| bytes.first_chunk());
+            self.contents += size.map_or(0, |bytes| u64::from_le_bytes(*bytes));
+        }
+    }
+
+    pub fn find(&self, key: &Digest) -> Option<Record> {
+        let (start, end) = *self.by_key.get(key)?;
+        Record::read(&self.bytes[start..end]).filter(|record| record.key() == key)
+    }
+
+    /// A record that says where the content of a value is.
+    pub fn find_value(&self, value: &Digest) -> Option<Done> {
+        let (start, end) = *self.by_value.get(value)?;
+        match Record::read(&self.bytes[start..end])? {
+            Record::Done(done) if done.value == *value => Some(done),
+            _ => None,
+        }
+    }
+
+    pub fn push(&mut self, record: &Record) {
+        let start = self.bytes.len();
+        record.write(&mut self.bytes);
+        let frame = start + 8..self.bytes.len() - 8;
+        self.index(frame);
+    }
+
+    /// Bytes of the log and of the contents that it mentions (the same content mentioned twice counts twice: an
+    /// upper bound, which `gc` makes exact).
+    pub fn bytes(&self) -> u64 {
+        self.bytes.len() as u64 + self.contents
+    }
+
+    pub fn pending_bytes(&self) -> usize {
+        self.bytes.len() - self.written
+    }
+
+    /// Appends what was pushed since the last call, with one write.
+    pub fn append(&mut self, root: &Path) -> io::Result<u64> {
+        let pending = self.pending_bytes();
+        if pending == 0 {
+            return Ok(0);
+        }
+        let lock = lock_file(root)?;
+        lock.lock_shared()?;
+        // Opened anew each time: `gc` of another process may have put a new file in its place.
+        let mut file = OpenOptions::new().append(true).create(true).open(path(root))?;
+        let result = file.write_all(&self.bytes[self.written..]);
+        // Even a torn write is not repeated: its records verify or are skipped, and repeating costs a full disk more.
+        self.written = self.bytes.len();
+        result.map(|()| pending as u64)
+    }
+
+    /// All records in the order in which they were written; the latest of a key only.
+    pub fn records(&self) -> Vec<Record> {
+        let mut places: Vec<_> = self.by_key.values().copied().collect();
+        places.sort_unstable();
+        places
+            .into_iter()
+            .filter_map(|(start, end)| Record::read(&self.bytes[start..end]))
+            .collect()
+    }
+}
+
+pub fn lock_file(root: &Path) -> io::Result<File> {
+    OpenOptions::new().create(true).append(true).open(root.join("lock"))
+}
+
+/// The content that a record mentions.
+pub fn content(record: &Record) -> Option<&Content> {
+    match record {
+        Record::Done(done) => done.content.as_ref(),
+        Record::Blob { content, .. } => Some(content),
+        Record::Need(_) => None,
+    }
+}

@@ -1,0 +1,290 @@
+//! The store: what was computed, kept on disk by content, shared by processes.
+//!
+//! # What is kept
+//!
+//! ```text
+//! actions-1.log          records, appended only: Done, Need, Blob (the number is the format's version)
+//! contents/ab/ab12….exr  encoded values, named by the checksum of their bytes
+//! tmp/                   contents that are being written
+//! lock                   held shared to append, exclusively to collect garbage
+//! ```
+//!
+//! A **Done** record says: the action with this key gave the value with this digest (of the canonical value), whose
+//! encoding is that content (or stands in the record itself, when it is small). A **Need** record says: at this key
+//! the action asked for these ports. A **Blob** record names any bytes by a key.
+//!
+//! # What must stay true
+//!
+//! 1. A content is complete under its name before a record that mentions it is appended, and it never changes: it is
+//!    written to `tmp/` and renamed, and its name is its checksum. Two processes that write the same content write
+//!    the same bytes; whoever comes second changes nothing.
+//! 2. A record is one checksummed unit. A batch is appended with one write to a file opened for appending, so
+//!    batches of several processes do not interleave; a torn batch at a crash is skipped up to the next record that
+//!    verifies.
+//! 3. Nothing read is believed: a record must verify, a content must have the checksum that is its name, a decoded
+//!    value must have the digest that the record promised. What does not is a miss and a warning, never a result.
+//! 4. A missing content is a miss only for who needs the value. Its digest is still good: keys are made of digests.
+//! 5. No error of the disk is an error of the run. The store then stops writing, says so once, and the run goes on.
+//!
+//! # At a crash
+//!
+//! | killed | left behind | next run |
+//! |---|---|---|
+//! | while a content is written | a file in `tmp/` | not seen; removed by a later `gc` |
+//! | after the rename, before the append | a content without a record | computed again; the same file is met |
+//! | within the append | a torn last record | skipped with a warning, computed again |
+//! | while `gc` removes contents | records without their contents | misses for who needs the values |
+//! | while `gc` rewrites the log | the old log, and a file in `tmp/` | as if it had not run |
+
+mod contents;
+mod gc;
+mod log;
+mod record;
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+pub use gc::{Collected, StoreStat};
+pub(crate) use record::{Content, Done, Need, Record};
+
+use crate::{AnyValue, Digest, Hasher, ValueType};
+use contents::Contents;
+use log::Log;
+
+/// Bytes up to which an encoded value stands in its record.
+const INLINE: usize = 4096;
+
+/// A store on disk. All methods may be called from any thread; none fails: what cannot be read is a miss, what
+/// cannot be written is lost, and [`Store::warnings`] says so.
+pub struct Store {
+    root: PathBuf,
+    contents: Contents,
+    inner: Mutex<Inner>,
+}
+
+struct Inner {
+    log: Log,
+    warnings: Vec<String>,
+    /// Nothing is written any more.
+    read_only: bool,
+    /// Bytes of contents and log, as far as this process knows.
+    bytes: u64,
+}
+
+impl Store {
+    /// Opens the store in a folder, which is made if it is not there.
+    pub fn open(root: impl Into<PathBuf>) -> Self {
+        let root = root.into();
+        let mut warnings = Vec::new();
+        let mut read_only = false;
+        if let Err(error) = contents::prepare(&root) {
+            read_only = true;
+            warnings.push(format!(
+                "the store {} cannot be written ({error}); results of this run are not kept",
+                root.display()
+            ));
+        }
+        let log = Log::read(&root, &mut warnings);
+        let bytes = log.bytes();
+        Self {
+            contents: Contents::new(&root),
+            root,
+            inner: Mutex::new(Inner {
+                log,
+                warnings,
+                read_only,
+                bytes,
+            }),
+        }
+    }
+
+    /// The platform's folder for the store: `$GEAR_STORE`, or `gear` in the cache folder of the user.
+    pub fn default_path() -> Option<PathBuf> {
+        let set = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+        set("GEAR_STORE").or_else(|| {
+            let cache = set("XDG_CACHE_HOME").filter(|p| p.is_absolute()).or_else(|| {
+                if cfg!(windows) {
+                    set("LOCALAPPDATA")
+                } else if cfg!(target_os = "macos") {
+                    set("HOME").map(|home| home.join("Library/Caches"))
+                } else {
+                    set("HOME").map(|home| home.join(".cache"))
+                }
+            });
+            cache.map(|cache| cache.join("gear"))
+        })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.root
+    }
+
+    /// What went wrong since the last call.
+    pub fn warnings(&self) -> Vec<String> {
+        std::mem::take(&mut self.inner().warnings)
+    }
+
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What is known at a key.
+    pub(crate) fn lookup(&self, key: &Digest) -> Option<Record> {
+        self.inner().log.find(key)
+    }
+
+    /// Whether the value with this digest is in the store, as far as records say.
+    pub(crate) fn has_value(&self, value: &Digest) -> bool {
+        self.inner()
+            .log
+            .find_value(value)
+            .is_some_and(|done| done.content.is_some_and(|content| self.contents.exists(&content)))
+    }
+
+    /// The value with this digest, verified.
+    pub(crate) fn load(&self, value: &Digest, value_type: &ValueType) -> Option<AnyValue> {
+        let content = self.inner().log.find_value(value)?.content?;
+        let bytes = self.read(&content)?;
+        // A decoder is promised not to panic on any bytes, and these are the bytes that were encoded; but a panic
+        // here must not cost the run.
+        let decoded = std::panic::catch_unwind(|| value_type.decode(&bytes));
+        let problem = match decoded {
+            Ok(Ok(decoded)) if decoded.digest() == *value => return Some(decoded),
+            Ok(Ok(_)) => "is another value than was stored".to_string(),
+            Ok(Err(error)) => format!("cannot be decoded ({error})"),
+            Err(_) => "made the decoder panic".to_string(),
+        };
+        self.distrust(&content, &problem);
+        None
+    }
+
+    /// Encodes a value and keeps it. `None` if it could not be kept.
+    pub(crate) fn keep(&self, value: &AnyValue) -> Option<Content> {
+        if self.inner().read_only {
+            return None;
+        }
+        match value.encode() {
+            Ok(bytes) => self.keep_bytes(bytes, value.value_type().extension),
+            Err(error) => {
+                self.inner().warnings.push(format!("a value cannot be stored: {error}"));
+                None
+            }
+        }
+    }
+
+    fn keep_bytes(&self, bytes: Vec<u8>, extension: &str) -> Option<Content> {
+        if bytes.len() <= INLINE {
+            return Some(Content::Inline(bytes));
+        }
+        if self.inner().read_only {
+            return None;
+        }
+        match self.contents.write(&bytes, extension) {
+            Ok((content, new)) => {
+                if new {
+                    self.inner().bytes += bytes.len() as u64;
+                }
+                Some(content)
+            }
+            Err(error) => {
+                self.stop_writing(&error);
+                None
+            }
+        }
+    }
+
+    /// Records what an action gave. Its content must have been kept before.
+    pub(crate) fn publish(&self, record: Record) {
+        let mut inner = self.inner();
+        if !inner.read_only {
+            inner.log.push(&record);
+        }
+    }
+
+    /// Records are appended in batches; this writes what has gathered.
+    pub fn flush(&self) {
+        let mut inner = self.inner();
+        if inner.read_only {
+            return;
+        }
+        match inner.log.append(&self.root) {
+            Ok(written) => inner.bytes += written,
+            Err(error) => {
+                drop(inner);
+                self.stop_writing(&error);
+            }
+        }
+    }
+
+    /// Bytes of records that wait to be written.
+    pub(crate) fn pending_bytes(&self) -> usize {
+        self.inner().log.pending_bytes()
+    }
+
+    /// Keeps any bytes under a key; for artefacts that are made from values, such as pictures and pages.
+    pub fn put_blob(&self, key: &Digest, bytes: &[u8]) {
+        if let Some(content) = self.keep_bytes(bytes.to_vec(), "bin") {
+            self.publish(Record::Blob {
+                key: blob_key(key),
+                content,
+            });
+            self.flush();
+        }
+    }
+
+    /// The bytes kept under a key, verified.
+    pub fn get_blob(&self, key: &Digest) -> Option<Vec<u8>> {
+        let Some(Record::Blob { content, .. }) = self.lookup(&blob_key(key)) else {
+            return None;
+        };
+        self.read(&content)
+    }
+
+    fn read(&self, content: &Content) -> Option<Vec<u8>> {
+        match self.contents.read(content) {
+            Ok(bytes) => bytes,
+            Err(problem) => {
+                self.distrust(content, &problem);
+                None
+            }
+        }
+    }
+
+    /// Warns of a content that is not what its name says, and removes it, so that it can be written again.
+    fn distrust(&self, content: &Content, problem: &str) {
+        if let Content::File { .. } = content {
+            let path = self.contents.remove(content);
+            self.inner().warnings.push(format!(
+                "the store's {} {problem}; it is computed again",
+                path.display()
+            ));
+        }
+    }
+
+    fn stop_writing(&self, error: &std::io::Error) {
+        let mut inner = self.inner();
+        if !inner.read_only {
+            inner.read_only = true;
+            let warning = format!(
+                "the store {} cannot be written ({error}); further results of this run are not kept",
+                self.root.display()
+            );
+            inner.warnings.push(warning);
+        }
+    }
+}
+
+impl Drop for Store {
+    fn drop(&mut self) {
+        self.flush();
+    }
+}
+
+/// Blobs live among actions; their keys must not meet.
+fn blob_key(key: &Digest) -> Digest {
+    Hasher::new("blob").digest(key).finish()
+}
+
+#[cfg(test)]
+mod tests;

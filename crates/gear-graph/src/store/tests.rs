@@ -1,0 +1,214 @@
+//! What the store promises when things go wrong.
+
+use super::*;
+use crate::{Report, Value};
+
+fn big(tag: &str) -> AnyValue {
+    AnyValue::new(Report(
+        serde_json::json!({ "tag": tag, "filling": "x".repeat(2 * INLINE) }),
+    ))
+}
+
+fn put(store: &Store, key: &str, value: &AnyValue, seconds: f64) -> Digest {
+    let key = Digest::of(key.as_bytes());
+    let content = store.keep(value);
+    store.publish(Record::Done(Done {
+        key,
+        value: value.digest(),
+        content,
+        seconds,
+        ..Done::default()
+    }));
+    store.flush();
+    key
+}
+
+fn value_at(store: &Store, key: &Digest) -> Option<AnyValue> {
+    match store.lookup(key) {
+        Some(Record::Done(done)) => store.load(&done.value, &ValueType::of::<Report>()),
+        _ => None,
+    }
+}
+
+fn content_files(store: &Store) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for folder in std::fs::read_dir(store.path().join("contents")).unwrap() {
+        for file in std::fs::read_dir(folder.unwrap().path()).unwrap() {
+            files.push(file.unwrap().path());
+        }
+    }
+    files
+}
+
+#[test]
+fn another_process_finds_what_was_published() {
+    let dir = tempfile::tempdir().unwrap();
+    let (small, large) = (AnyValue::new(Report(serde_json::json!(1))), big("a"));
+    let (k1, k2) = {
+        let store = Store::open(dir.path());
+        (put(&store, "small", &small, 0.1), put(&store, "large", &large, 0.1))
+    };
+    let store = Store::open(dir.path());
+    assert_eq!(value_at(&store, &k1).unwrap().digest(), small.digest());
+    assert_eq!(value_at(&store, &k2).unwrap().digest(), large.digest());
+    assert!(store.warnings().is_empty());
+}
+
+#[test]
+fn two_stores_open_at_once_lose_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let (a, b) = (Store::open(dir.path()), Store::open(dir.path()));
+    let mut keys = Vec::new();
+    for i in 0..20 {
+        let store = if i % 2 == 0 { &a } else { &b };
+        keys.push(put(store, &format!("key {i}"), &big(&format!("{i}")), 0.1));
+    }
+    let store = Store::open(dir.path());
+    assert!(keys.iter().all(|key| value_at(&store, key).is_some()));
+    assert!(store.warnings().is_empty());
+}
+
+#[test]
+fn a_damaged_content_is_a_miss_a_warning_and_can_be_stored_again() {
+    type Damage = fn(&PathBuf);
+    let damages: [(&str, Damage); 4] = [
+        ("truncated", |p| {
+            std::fs::write(p, &std::fs::read(p).unwrap()[..100]).unwrap()
+        }),
+        ("flipped", |p| {
+            let mut bytes = std::fs::read(p).unwrap();
+            bytes[200] ^= 1;
+            std::fs::write(p, bytes).unwrap();
+        }),
+        ("empty", |p| std::fs::write(p, b"").unwrap()),
+        ("foreign", |p| std::fs::write(p, b"#!/bin/sh\n").unwrap()),
+    ];
+    for (name, damage) in damages {
+        let dir = tempfile::tempdir().unwrap();
+        let key = put(&Store::open(dir.path()), "key", &big("a"), 0.1);
+        let store = Store::open(dir.path());
+        damage(&content_files(&store)[0]);
+        assert!(value_at(&store, &key).is_none(), "{name}");
+        assert_eq!(store.warnings().len(), 1, "{name}");
+        put(&store, "key", &big("a"), 0.1);
+        assert!(value_at(&store, &key).is_some(), "{name}");
+    }
+}
+
+#[test]
+fn swapped_contents_are_misses() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path());
+    let keys = [put(&store, "a", &big("a"), 0.1), put(&store, "b", &big("b"), 0.1)];
+    let files = content_files(&store);
+    let bytes: Vec<_> = files.iter().map(|f| std::fs::read(f).unwrap()).collect();
+    std::fs::write(&files[0], &bytes[1]).unwrap();
+    std::fs::write(&files[1], &bytes[0]).unwrap();
+    assert!(keys.iter().all(|key| value_at(&store, key).is_none()));
+    assert_eq!(store.warnings().len(), 2);
+}
+
+#[test]
+fn a_missing_content_is_a_miss_for_the_value_only() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path());
+    let key = put(&store, "key", &big("a"), 0.1);
+    std::fs::remove_file(&content_files(&store)[0]).unwrap();
+    assert!(matches!(store.lookup(&key), Some(Record::Done(done)) if done.value == big("a").digest()));
+    assert!(value_at(&store, &key).is_none());
+    assert!(store.warnings().is_empty(), "an evicted content is nothing to warn of");
+}
+
+#[test]
+fn a_record_that_promises_another_value_is_not_believed() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path());
+    let content = store.keep(&big("a"));
+    let key = Digest::of(b"key");
+    let value = big("b").digest();
+    store.publish(Record::Done(Done {
+        key,
+        value,
+        content,
+        ..Done::default()
+    }));
+    assert!(value_at(&store, &key).is_none());
+    assert_eq!(store.warnings().len(), 1);
+}
+
+#[test]
+fn a_damaged_log_costs_what_it_recorded_and_a_warning() {
+    let dir = tempfile::tempdir().unwrap();
+    let keys = {
+        let store = Store::open(dir.path());
+        ["a", "b", "c"].map(|name| put(&store, name, &big(name), 0.1))
+    };
+    let path = log::path(dir.path());
+    let mut bytes = std::fs::read(&path).unwrap();
+    let third = bytes.len() / 3;
+    bytes[third + 20] ^= 0xff;
+    std::fs::write(&path, bytes).unwrap();
+    let store = Store::open(dir.path());
+    assert_eq!(store.warnings().len(), 1);
+    assert_eq!(keys.iter().filter(|key| value_at(&store, key).is_some()).count(), 2);
+    // It can be appended to all the same.
+    let key = put(&store, "d", &big("d"), 0.1);
+    assert!(value_at(&Store::open(dir.path()), &key).is_some());
+}
+
+#[test]
+fn a_store_that_cannot_be_made_warns_and_keeps_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("file");
+    std::fs::write(&file, b"in the way").unwrap();
+    let store = Store::open(file.join("store"));
+    let key = put(&store, "key", &big("a"), 0.1);
+    store.put_blob(&key, &[0; 10_000]);
+    assert!(value_at(&store, &key).is_none() && store.get_blob(&key).is_none());
+    assert_eq!(store.warnings().len(), 1, "said once");
+}
+
+#[test]
+fn blobs_are_kept_by_key() {
+    let dir = tempfile::tempdir().unwrap();
+    let (k1, k2) = (Digest::of(b"1"), Digest::of(b"2"));
+    let store = Store::open(dir.path());
+    store.put_blob(&k1, b"small");
+    store.put_blob(&k2, &[7; 100_000]);
+    let store = Store::open(dir.path());
+    assert_eq!(store.get_blob(&k1).unwrap(), b"small");
+    assert_eq!(store.get_blob(&k2).unwrap(), [7; 100_000]);
+    assert!(store.get_blob(&Digest::of(b"3")).is_none());
+    assert_eq!(store.stat().blobs, 2);
+}
+
+#[test]
+fn collection_removes_what_is_cheap_per_byte_and_keeps_its_digest() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path());
+    let dear = put(&store, "dear", &big("dear"), 100.0);
+    let cheap = put(&store, "cheap", &big("cheap"), 0.001);
+    let collected = store.gc(14_000).unwrap();
+    assert_eq!(collected.files, 1);
+    let store = Store::open(dir.path());
+    assert!(value_at(&store, &dear).is_some());
+    assert!(value_at(&store, &cheap).is_none());
+    assert!(store.lookup(&cheap).is_some(), "still known by its digest");
+    assert!(store.stat().content_bytes <= 14_000);
+    assert_eq!(store.gc_if_above(1 << 30).unwrap(), None);
+}
+
+#[test]
+fn clearing_leaves_an_empty_store_that_works() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path());
+    put(&store, "key", &big("a"), 0.1);
+    store.clear().unwrap();
+    let store = Store::open(dir.path());
+    assert_eq!(store.stat(), StoreStat::default());
+    let key = put(&store, "key", &big("a"), 0.1);
+    assert_eq!(
+        value_at(&store, &key).unwrap().get::<Report>().unwrap().digest(),
+        big("a").digest()
+    );
+}
