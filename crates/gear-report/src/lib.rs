@@ -1,1 +1,19 @@
-//! What people look at: HTML pages, plots, contact sheets
+//! What people look at: the page of a run, its pictures and plots.
+//!
+//! [`Page`] is plain data: a graph to draw, pictures, numbers. [`Page::render`] turns it into one HTML file that
+//! holds everything it shows (styles, script, pictures) and so opens from disk, without a network, for as long as
+//! browsers read HTML. Nothing here knows how a run is executed; whoever ran the graph fills the page in.
+//!
+//! * [`picture`] turns rasters into the JPEG and PNG bytes that a page embeds,
+//! * [`drawing`] lays a graph out in layers and draws it as SVG,
+//! * [`plot`] draws curves as SVG,
+//! * [`page`] is the page and its template.
+
+pub mod drawing;
+pub mod page;
+pub mod picture;
+pub mod plot;
+
+pub use drawing::{Drawing, Shape, Standing};
+pub use page::{Comparison, Cost, Figure, Measure, Page, PageError, Row};
+pub use picture::{Picture, PictureError};
