@@ -56,6 +56,8 @@ pub struct Relief {
     pub mask: Mask,
     /// Figure or relief.
     pub mode: Mode,
+    /// Slope of a relief's ground, height per pixel downwards; 0 for a figure.
+    pub tilt: f32,
     /// The light fit; `None` when shading was not looked at.
     pub light: Option<LightFit>,
     /// Robust deviation of brushwork, log luminance; 0 when shading was not looked at.
@@ -83,6 +85,7 @@ pub fn estimate(image: &LinearImage, mask: &Mask, settings: &HeightSettings) -> 
         base,
         mask,
         mode,
+        tilt: if mode == Mode::Relief { settings.base.ramp } else { 0.0 },
         light: None,
         noise: 0.0,
         detailed: false,

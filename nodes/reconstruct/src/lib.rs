@@ -45,7 +45,7 @@ pub struct Reconstruct {
     /// Largest deviation of the picture from a surfel's colour, rms.
     #[param(default = 0.015, range = 0.0..=1.0, unit = "encoded colour")]
     pub colour_tolerance: f64,
-    /// Number of Gaussians above which both tolerances are loosened, eightfold at most.
+    /// Number of Gaussians above which both tolerances are loosened, threefold at most.
     #[param(default = 120_000, range = 1..=100_000_000)]
     pub max_gaussians: usize,
 }

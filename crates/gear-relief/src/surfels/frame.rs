@@ -6,7 +6,7 @@ use glam::{Mat3, Quat, Vec3};
 
 use super::SurfelSettings;
 use super::blocks::Block;
-use super::walls::Wall;
+use super::walls::{ALONG, Wall};
 
 /// A Gaussian's place and shape; the third own axis is the outward normal.
 #[derive(Clone, Copy, Debug)]
@@ -87,7 +87,7 @@ impl<'a> Lift<'a> {
             center,
             rotation: rotation(ray, normal),
             scales: Vec3::new(
-                settings.cover * wall.extent * self.unit,
+                ALONG * wall.extent * self.unit,
                 settings.cover * self.unit,
                 settings.thin * self.unit,
             ),

@@ -23,6 +23,10 @@ pub(super) struct Wall {
 const LENGTH: f32 = 4.0;
 const MOST: f32 = 5.0;
 const SHADE: f32 = 0.9;
+/// How far the end pieces draw back from the edges, in pieces: tails must not stick out.
+const INSET: f32 = 0.4;
+/// σ of a piece along the ray, in its length.
+pub(super) const ALONG: f32 = 0.4;
 
 /// The pieces of all rim pixels whose gap is over a pixel.
 pub(super) fn pieces(height: &Field, mask: &Mask, colours: &SrgbImage, back: Back) -> Vec<Wall> {
@@ -42,7 +46,7 @@ pub(super) fn pieces(height: &Field, mask: &Mask, colours: &SrgbImage, back: Bac
                 continue;
             }
             let top = height.at(x, y);
-            let bottom = back.height(top);
+            let bottom = back.height(top, y as f32);
             let gap = top - bottom;
             if gap <= 1.0 {
                 continue;
@@ -58,7 +62,7 @@ pub(super) fn pieces(height: &Field, mask: &Mask, colours: &SrgbImage, back: Bac
             for i in 0..count as usize {
                 pieces.push(Wall {
                     pixel: [x as f32, y as f32],
-                    height: bottom + (i as f32 + 0.5) / count * gap,
+                    height: bottom + gap * (0.5 + ((i as f32 + 0.5) / count - 0.5) * (1.0 - INSET / count)),
                     extent: gap / count,
                     outward,
                     colour: colours.at(x, y).map(|c| c * SHADE),
