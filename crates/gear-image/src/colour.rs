@@ -62,8 +62,9 @@ pub fn light(image: &SrgbImage) -> LinearImage {
     convert::<Srgb, Linear>(image, light_slice)
 }
 
+/// Replaces every encoded value by its light, finite and non-negative.
 #[multiversion(targets = "simd")]
-fn light_slice(xs: &mut [f32]) {
+pub fn light_slice(xs: &mut [f32]) {
     for x in xs {
         *x = sanitise_sample(to_linear(*x));
     }

@@ -15,6 +15,7 @@ pub mod math;
 mod raster;
 pub mod solve;
 pub mod stats;
+pub mod testing;
 mod value;
 
 pub use raster::{Field, Image, Linear, LinearImage, Mask, Rgb, Space, Srgb, SrgbImage};

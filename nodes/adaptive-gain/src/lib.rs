@@ -102,7 +102,7 @@ impl Node for AdaptiveGain {
         let alpha = self.mode.alpha(&inputs.multiscale);
         let ratio = want.try_compute("ratio", || {
             if self.mode.constant() == Some(1.0) {
-                return Ok((*inputs.multiscale).clone());
+                return Ok(owned(inputs.multiscale));
             }
             let smooth = inputs.smooth.demanded()?;
             if smooth.size() != inputs.multiscale.size() {
@@ -113,13 +113,18 @@ impl Node for AdaptiveGain {
                 );
                 return Err(NodeError::input("smooth", problem));
             }
-            Ok(blend(&inputs.multiscale, smooth, alpha as f32))
+            Ok(blend(owned(inputs.multiscale), smooth, alpha as f32))
         })?;
         Ok(Out {
             ratio,
             alpha: want.compute("alpha", || Number(alpha)),
         })
     }
+}
+
+/// The field itself where nobody else reads it, else a copy.
+fn owned(field: Arc<Field>) -> Field {
+    Arc::try_unwrap(field).unwrap_or_else(|shared| (*shared).clone())
 }
 
 impl Mode {
@@ -145,21 +150,20 @@ impl Mode {
     }
 }
 
-/// αR_ms + (1 − α)R_smooth.
-pub fn blend(multiscale: &Field, smooth: &Field, alpha: f32) -> Field {
-    let mut out = Field::filled(multiscale.width(), multiscale.height(), 0.0);
-    out.data_mut()
+/// αR_ms + (1 − α)R_smooth, in the memory of R_ms.
+pub fn blend(mut multiscale: Field, smooth: &Field, alpha: f32) -> Field {
+    multiscale
+        .data_mut()
         .par_chunks_mut(1 << 14)
-        .zip(multiscale.data().par_chunks(1 << 14))
         .zip(smooth.data().par_chunks(1 << 14))
-        .for_each(|((out, multiscale), smooth)| blend_chunk(multiscale, smooth, alpha, out));
-    out
+        .for_each(|(multiscale, smooth)| blend_chunk(multiscale, smooth, alpha));
+    multiscale
 }
 
 #[multiversion(targets = "simd")]
-fn blend_chunk(multiscale: &[f32], smooth: &[f32], alpha: f32, out: &mut [f32]) {
-    for ((out, &m), &s) in out.iter_mut().zip(multiscale).zip(smooth) {
-        *out = alpha * m + (1.0 - alpha) * s;
+fn blend_chunk(multiscale: &mut [f32], smooth: &[f32], alpha: f32) {
+    for (m, &s) in multiscale.iter_mut().zip(smooth) {
+        *m = alpha * *m + (1.0 - alpha) * s;
     }
 }
 

@@ -103,15 +103,15 @@ pub fn luminance(image: &Rgb<Srgb>) -> Field {
 
 #[multiversion(targets = "simd")]
 fn luminance_chunk(rgb: &[[f32; 3]], out: &mut [f32]) {
-    let mut planes = [[0.0f32; STEP]; 3];
+    let mut flat = [0.0f32; 3 * STEP];
     for (rgb, out) in rgb.chunks(STEP).zip(out.chunks_mut(STEP)) {
-        let [r, g, b] = &mut planes;
-        for (i, pixel) in rgb.iter().enumerate() {
-            (r[i], g[i], b[i]) = (pixel[0], pixel[1], pixel[2]);
+        let flat = &mut flat[..3 * rgb.len()];
+        flat.copy_from_slice(rgb.as_flattened());
+        for x in flat.iter_mut() {
+            *x = colour::sanitise_sample(colour::to_linear(*x));
         }
-        for i in 0..out.len() {
-            let light = [r[i], g[i], b[i]].map(|c| colour::sanitise_sample(colour::to_linear(c)));
-            out[i] = colour::luminance(light);
+        for (out, light) in out.iter_mut().zip(flat.as_chunks::<3>().0) {
+            *out = colour::luminance(*light);
         }
     }
 }

@@ -125,18 +125,19 @@ impl Node for Recompose {
             true => Some(steps::fitted(inputs.ratio.demanded()?, painting)?),
             false => None,
         };
-        let light = colour::light(&painting.rgb);
         let recipe = self.recipe(beta);
         Ok(Out {
             grounded: want.compute("grounded", || Image {
-                rgb: grounded(&light, ratio.as_deref(), &recipe),
+                rgb: grounded(&painting.rgb, ratio.as_deref(), &recipe),
                 alpha: painting.alpha.clone(),
             }),
             albedo: want.compute("albedo", || Image {
-                rgb: albedo(&light, recipe.epsilon),
+                rgb: albedo(&colour::light(&painting.rgb), recipe.epsilon),
                 alpha: painting.alpha.clone(),
             }),
-            luminance: want.compute("luminance", || luminance(&light, ratio.as_deref(), recipe.beta)),
+            luminance: want.compute("luminance", || {
+                luminance(&colour::light(&painting.rgb), ratio.as_deref(), recipe.beta)
+            }),
             evidence: want.try_compute("evidence", || match &found {
                 Some(found) => Ok::<_, NodeError>(Report::new(found.report(beta))?),
                 None => Err(NodeError::new("evidence is wanted but was not looked for")),

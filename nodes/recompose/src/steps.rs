@@ -2,13 +2,13 @@
 //!
 //! [`grounded`] is one pass after the horizontal half of its blur: each row is blurred vertically, then gain,
 //! shoulder, limiter and encoding run over it in blocks of 256 pixels, split into planes so that the loops vectorise
-//! while everything is in the innermost cache. The image is read twice and written once.
+//! while everything is in the innermost cache. The painting is read twice and the result written once.
 
 use std::borrow::Cow;
 use std::sync::Arc;
 
 use gear_graph::NodeError;
-use gear_image::filter::{self, gaussian_rgb_rows};
+use gear_image::filter::{self, blurred_light_rows};
 use gear_image::{Field, Image, LinearImage, Rgb, SrgbImage, colour, math};
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -47,22 +47,23 @@ pub(crate) fn fitted<'a>(ratio: &'a Arc<Field>, painting: &Image) -> Result<Cow<
 }
 
 /// The grounded image, sRGB-encoded. No ratio means β = 0.
-pub fn grounded(light: &LinearImage, ratio: Option<&Field>, recipe: &Recipe) -> SrgbImage {
-    let (width, height) = light.size();
+pub fn grounded(painting: &SrgbImage, ratio: Option<&Field>, recipe: &Recipe) -> SrgbImage {
+    let (width, height) = painting.size();
     let mut out = SrgbImage::filled(width, height, [0.0; 3]);
     let no_ratio = vec![0.0f32; width];
-    let lit = |y: usize, blurred: &[f32], out: &mut [[f32; 3]]| {
+    let lit = |y: usize, light: &[[f32; 3]], blurred: &[f32], out: &mut [[f32; 3]]| {
         let ratio = ratio.map_or(&no_ratio[..], |ratio| ratio.row(y));
-        light_row(light.row(y), blurred, ratio, recipe, out);
+        light_row(light, blurred, ratio, recipe, out);
     };
     if recipe.detail > 0.0 {
-        let sigma = (recipe.detail_radius * light.longer_side() as f64).max(0.6);
-        gaussian_rgb_rows(light, sigma, out.data_mut(), lit);
+        let sigma = (recipe.detail_radius * painting.longer_side() as f64).max(0.6);
+        blurred_light_rows(painting, sigma, out.data_mut(), lit);
     } else {
+        let light = colour::light(painting);
         out.data_mut()
             .par_chunks_mut(width.max(1))
             .enumerate()
-            .for_each(|(y, out)| lit(y, light.row(y).as_flattened(), out));
+            .for_each(|(y, out)| lit(y, light.row(y), light.row(y).as_flattened(), out));
     }
     out
 }
@@ -88,8 +89,11 @@ fn light_row(light: &[[f32; 3]], blurred: &[f32], ratio: &[f32], recipe: &Recipe
     for start in (0..light.len()).step_by(BLOCK) {
         let n = BLOCK.min(light.len() - start);
         let (light, blurred, ratio) = (&light[start..][..n], &blurred[start..][..n], &ratio[start..][..n]);
+        // Slices of one known length: bounds are checked once, and the loops vectorise.
         let [r, g, b] = &mut planes;
+        let (r, g, b) = (&mut r[..n], &mut g[..n], &mut b[..n]);
         let [dr, dg, db] = &mut details;
+        let (dr, dg, db) = (&mut dr[..n], &mut dg[..n], &mut db[..n]);
         for i in 0..n {
             let (l, s) = (light[i], blurred[i]);
             (r[i], g[i], b[i]) = (l[0], l[1], l[2]);
@@ -127,8 +131,9 @@ fn light_row(light: &[[f32; 3]], blurred: &[f32], ratio: &[f32], recipe: &Recipe
             }
         }
         let [r, g, b] = &planes;
-        for (i, out) in out[start..][..n].iter_mut().enumerate() {
-            *out = [r[i], g[i], b[i]];
+        let pixels = r.iter().zip(g).zip(b);
+        for (out, ((&r, &g), &b)) in out[start..][..n].iter_mut().zip(pixels) {
+            *out = [r, g, b];
         }
     }
 }

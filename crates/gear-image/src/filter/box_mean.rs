@@ -20,12 +20,10 @@ pub fn box_mean(field: &Field, radius: usize) -> Field {
     if radius == 0 || field.is_empty() {
         return field.clone();
     }
-    let mut out = field.clone();
     let (width, height) = field.size();
-    along_rows(out.data_mut(), width, radius.min(width - 1));
-    along_columns(&mut out, radius.min(height - 1));
-    debug_assert_eq!(out.size(), (width, height));
-    out
+    let mut out = along_columns(field, radius.min(height - 1));
+    along_rows(&mut out, width, radius.min(width - 1));
+    Field::from_vec(width, height, out)
 }
 
 /// 1/(number of samples in the window around `i`).
@@ -80,9 +78,9 @@ fn row_group(rows: &mut [f32], width: usize, count: usize, radius: usize, scratc
     // The window of x is [x, x + 2r] in padded coordinates.
     for x in 0..width {
         let share = share(x, radius, width);
-        let begins = if x % block == 0 { 0.0 } else { 1.0 };
+        let begins = x % block == 0; // then the prefix alone is the whole window
         for lane in 0..count {
-            let head = if begins == 0.0 { 0.0 } else { suffix[x][lane] };
+            let head = if begins { 0.0 } else { suffix[x][lane] };
             rows[lane * width + x] = ((head + prefix[x + 2 * radius][lane]) * share) as f32;
         }
     }
@@ -91,71 +89,70 @@ fn row_group(rows: &mut [f32], width: usize, count: usize, radius: usize, scratc
 /// Columns are taken in strips that fit the cache.
 const STRIP: usize = 64;
 
-fn along_columns(field: &mut Field, radius: usize) {
+fn along_columns(field: &Field, radius: usize) -> Vec<f32> {
     if radius == 0 {
-        return;
+        return field.data().to_vec();
     }
-    let (width, height) = field.size();
-    let source: &[f32] = field.data();
-    let strips: Vec<Vec<f32>> = (0..width.div_ceil(STRIP))
-        .into_par_iter()
-        .map(|strip| {
-            let x0 = strip * STRIP;
-            let mut out = vec![0.0; height * STRIP];
-            column_strip(source, width, height, x0, (width - x0).min(STRIP), radius, &mut out);
-            out
-        })
-        .collect();
-    field.data_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        for (strip, part) in row.chunks_mut(STRIP).zip(&strips) {
-            let n = strip.len();
-            strip.copy_from_slice(&part[y * STRIP..][..n]);
-        }
-    });
+    // The windows that begin within one block need no other block's sums: blocks are shared out over threads.
+    let block = 2 * radius + 1;
+    let mut out = vec![0.0; field.len()];
+    out.par_chunks_mut(block * field.width())
+        .enumerate()
+        .for_each_init(Vec::new, |suffix, (i, out)| {
+            column_block(
+                field.data(),
+                field.width(),
+                field.height(),
+                i * block,
+                radius,
+                suffix,
+                out,
+            );
+        });
+    out
 }
 
+/// The means of rows first, first + 1, … of the image, as many as `out` holds, at most 2r+1.
 #[multiversion(targets = "simd")]
-fn column_strip(
+fn column_block(
     source: &[f32],
     width: usize,
     height: usize,
-    x0: usize,
-    columns: usize,
+    first: usize,
     radius: usize,
+    suffix: &mut Vec<[f64; STRIP]>,
     out: &mut [f32],
 ) {
     let block = 2 * radius + 1;
-    // Row `y` of the padded column, or zeros beyond the image.
-    let add = |sum: &mut [f64; STRIP], padded: usize| {
-        if padded >= radius && padded < height + radius {
-            let row = &source[(padded - radius) * width + x0..][..columns];
-            for (sum, &x) in sum.iter_mut().zip(row) {
-                *sum += f64::from(x);
+    suffix.resize(block + 1, [0.0; STRIP]);
+    for x0 in (0..width).step_by(STRIP) {
+        let columns = (width - x0).min(STRIP);
+        // Adds row `padded` of the column with its zeros before and after.
+        let add = |sum: &mut [f64; STRIP], padded: usize| {
+            if padded >= radius && padded < height + radius {
+                let row = &source[(padded - radius) * width + x0..][..columns];
+                for (sum, &x) in sum.iter_mut().zip(row) {
+                    *sum += f64::from(x);
+                }
             }
-        }
-    };
-    let mut suffix = vec![[0.0f64; STRIP]; block + 1];
-    let mut first = 0;
-    while first < height {
-        // Windows that begin in the block [first, first + B): suffix sums of this one, prefix sums of the next.
+        };
+        suffix[block] = [0.0; STRIP];
         for i in (0..block).rev() {
             let mut sum = suffix[i + 1];
             add(&mut sum, first + i);
             suffix[i] = sum;
         }
         let mut prefix = [0.0f64; STRIP];
-        for i in 0..block.min(height - first) {
+        for (i, row) in out.chunks_exact_mut(width).enumerate() {
             let y = first + i;
             if i > 0 {
                 add(&mut prefix, y + 2 * radius);
             }
             let share = share(y, radius, height);
-            let out = &mut out[y * STRIP..][..STRIP];
-            for c in 0..STRIP {
-                out[c] = ((suffix[i][c] + prefix[c]) * share) as f32;
+            for ((out, head), tail) in row[x0..x0 + columns].iter_mut().zip(&suffix[i]).zip(&prefix) {
+                *out = ((head + tail) * share) as f32;
             }
         }
-        first += block;
     }
 }
 

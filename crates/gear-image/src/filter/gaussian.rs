@@ -8,7 +8,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::{reflect, resize, resize_rgb};
-use crate::{Field, Rgb, Space};
+use crate::{Field, Rgb, Space, SrgbImage, colour};
 
 /// Largest σ, in pixels, that is convolved at full resolution.
 const DIRECT_SIGMA: f64 = 24.0;
@@ -137,34 +137,51 @@ fn blur(data: &[f32], width: usize, height: usize, channels: usize, sigma: f64) 
     out
 }
 
-/// Blurs each channel and hands every blurred row (interleaved, r g b r g b …) to `f` with its index and the
-/// matching row of `out`, instead of storing the blurred image: the memory traffic saved is a third of the work.
-pub fn gaussian_rgb_rows<S: Space, T: Send>(
-    image: &Rgb<S>,
+/// Decodes an encoded picture to light, blurs it, and hands every row's light and blurred light to `f` with the
+/// row's index and the matching row of `out`.
+///
+/// Neither the light nor its blur is stored as a whole picture: rows are decoded twice, which costs less than
+/// writing them to memory and reading them back.
+pub fn blurred_light_rows<T: Send>(
+    picture: &SrgbImage,
     sigma: f64,
     out: &mut [T],
-    f: impl Fn(usize, &[f32], &mut [T]) + Sync,
+    f: impl Fn(usize, &[[f32; 3]], &[f32], &mut [T]) + Sync,
 ) {
-    let (width, height) = image.size();
-    assert_eq!(out.len(), image.len(), "one output a pixel");
-    if image.is_empty() {
+    let (width, height) = picture.size();
+    assert_eq!(out.len(), picture.len(), "one output a pixel");
+    if picture.is_empty() {
         return;
     }
     if sigma.is_nan() || sigma <= 0.0 || sigma > DIRECT_SIGMA {
-        let blurred = gaussian_rgb(image, sigma);
+        let light = colour::light(picture);
+        let blurred = gaussian_rgb(&light, sigma);
         out.par_chunks_mut(width)
             .enumerate()
-            .for_each(|(y, out)| f(y, blurred.row(y).as_flattened(), out));
+            .for_each(|(y, out)| f(y, light.row(y), blurred.row(y).as_flattened(), out));
         return;
     }
     let half = kernel(sigma);
     let stride = width * 3;
-    let across = blur_rows(image.data().as_flattened(), stride, 3, &half);
+    let decode = |y: usize, light: &mut [[f32; 3]]| {
+        light.copy_from_slice(picture.row(y));
+        colour::light_slice(light.as_flattened_mut());
+    };
+    let mut across = vec![0.0f32; picture.len() * 3];
+    across.par_chunks_mut(stride).enumerate().for_each_init(
+        || (vec![[0.0; 3]; width], Vec::new()),
+        |(light, line), (y, out)| {
+            decode(y, light);
+            pad_row(light.as_flattened(), 3, half.len() - 1, line);
+            convolve_line(line, out, &half, 3);
+        },
+    );
     out.par_chunks_mut(width).enumerate().for_each_init(
-        || vec![0.0; stride],
-        |row, (y, out)| {
+        || (vec![[0.0; 3]; width], vec![0.0; stride]),
+        |(light, row), (y, out)| {
+            decode(y, light);
             convolve_column(&across, stride, height, y, row, &half);
-            f(y, row, out);
+            f(y, light, row, out);
         },
     );
 }

@@ -14,7 +14,7 @@ mod sample;
 pub use box_mean::box_mean;
 pub use components::{Components, Connectivity, components};
 pub use distance::{Nearest, distance_to, nearest};
-pub use gaussian::{gaussian, gaussian_rgb, gaussian_rgb_rows};
+pub use gaussian::{blurred_light_rows, gaussian, gaussian_rgb};
 pub use gradient::{gradient, gradient_x, gradient_y};
 pub use morphology::{Beyond, close, dilate, dilate_field, erode, open};
 pub(crate) use resize::AreaRows;
