@@ -5,11 +5,14 @@
 
 use std::io::Cursor;
 
-use gear_graph::{Digest, Hasher, Summary, Value, ValueError};
+use gear_graph::{Digest, Hasher, Numerics, Summary, Value, ValueError};
 use image::{ExtendedColorType, ImageDecoder, ImageEncoder};
 use serde_json::json;
 
 use crate::{Field, Image, Mask, Rgb, exr_file, stats};
+
+/// Raised whenever a filter, a colour function or an elementary function gives other bits.
+pub(crate) const NUMERICS: Numerics = Numerics::new("gear-image", 1);
 
 /// No stored raster is larger; a header that claims more is damaged.
 const MOST_SAMPLES: usize = 1 << 31;
@@ -50,6 +53,7 @@ fn channel<const C: usize>(pixels: &[[f32; 3]]) -> Vec<f32> {
 
 impl Value for Field {
     const TYPE: &'static str = "Field";
+    const NUMERICS: Numerics = NUMERICS;
     const EXTENSION: &'static str = "exr";
 
     fn digest(&self) -> Digest {
@@ -112,6 +116,7 @@ impl Value for Field {
 
 impl Value for Image {
     const TYPE: &'static str = "Image";
+    const NUMERICS: Numerics = NUMERICS;
     const EXTENSION: &'static str = "exr";
 
     fn digest(&self) -> Digest {
@@ -219,6 +224,7 @@ impl Value for Image {
 
 impl Value for Mask {
     const TYPE: &'static str = "Mask";
+    const NUMERICS: Numerics = NUMERICS;
     const EXTENSION: &'static str = "png";
 
     fn digest(&self) -> Digest {

@@ -10,16 +10,19 @@ pub(super) fn upright(image: Image, orientation: Orientation) -> Image {
         return image;
     }
     let (w, h) = image.size();
+    use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    let swapped = matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH);
+    let (width, height) = if swapped { (h, w) } else { (w, h) };
     // For each upright pixel, where it is in the file.
-    let (width, height, from): (usize, usize, Box<dyn Fn(usize, usize) -> (usize, usize)>) = match orientation {
-        Orientation::NoTransforms => (w, h, Box::new(|x, y| (x, y))),
-        Orientation::FlipHorizontal => (w, h, Box::new(move |x, y| (w - 1 - x, y))),
-        Orientation::Rotate180 => (w, h, Box::new(move |x, y| (w - 1 - x, h - 1 - y))),
-        Orientation::FlipVertical => (w, h, Box::new(move |x, y| (x, h - 1 - y))),
-        Orientation::Rotate90FlipH => (h, w, Box::new(|x, y| (y, x))),
-        Orientation::Rotate90 => (h, w, Box::new(move |x, y| (y, h - 1 - x))),
-        Orientation::Rotate270FlipH => (h, w, Box::new(move |x, y| (w - 1 - y, h - 1 - x))),
-        Orientation::Rotate270 => (h, w, Box::new(move |x, y| (w - 1 - y, x))),
+    let from = |x: usize, y: usize| match orientation {
+        Orientation::NoTransforms => (x, y),
+        Orientation::FlipHorizontal => (w - 1 - x, y),
+        Orientation::Rotate180 => (w - 1 - x, h - 1 - y),
+        Orientation::FlipVertical => (x, h - 1 - y),
+        Rotate90FlipH => (y, x),
+        Rotate90 => (y, h - 1 - x),
+        Rotate270FlipH => (w - 1 - y, h - 1 - x),
+        Rotate270 => (w - 1 - y, x),
     };
     let rgb = Rgb::from_fn(width, height, |x, y| {
         let (x, y) = from(x, y);
