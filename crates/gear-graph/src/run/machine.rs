@@ -41,6 +41,7 @@
 //!     arrives once for every time it was counted as missing.
 
 use std::collections::BinaryHeap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use super::inputs::{Given, Source};
@@ -88,10 +89,12 @@ pub(super) struct SlotState {
     pub pinned: bool,
     pub hit: bool,
     /// It runs although its digest is known, because its value is needed and gone.
-    again: bool,
+    pub again: bool,
     /// Its value is being read from the store.
     loading: bool,
     pub key: Option<Digest>,
+    /// The key that the action has on the cpu, if its realm is another: what was computed there may serve here.
+    cpu_key: Option<Digest>,
     pub digest: Digest,
     pub value: Option<AnyValue>,
     pub bytes: u64,
@@ -107,7 +110,7 @@ pub(super) struct SlotState {
 /// What became of a site, for the report.
 #[derive(Clone, Default)]
 pub(super) struct SiteState {
-    pub base: Option<Digest>,
+    base: Option<(Digest, Option<Digest>)>,
     pub ran: bool,
     pub seconds: f64,
     /// What it took when it was computed, if it was stored.
@@ -163,6 +166,7 @@ impl<'r> Machine<'r> {
                 again: false,
                 loading: false,
                 key: None,
+                cpu_key: None,
                 digest: Digest::default(),
                 value: None,
                 bytes: 0,
@@ -260,7 +264,7 @@ impl<'r> Machine<'r> {
     }
 
     /// The wires into a slot's site at some ports; absent inputs wire nothing.
-    fn wires(&self, slot: u32, ports: u64) -> impl Iterator<Item = Wire> + use<'r> {
+    pub fn wires(&self, slot: u32, ports: u64) -> impl Iterator<Item = Wire> + use<'r> {
         let absent = Arc::clone(&self.absent);
         self.graph
             .wires_of(self.site_of(slot))
@@ -293,7 +297,7 @@ impl<'r> Machine<'r> {
     // ---- digests -------------------------------------------------------------------------------------------------
 
     /// Somebody needs the digest of a slot.
-    fn request(&mut self, slot: u32) {
+    pub fn request(&mut self, slot: u32) {
         let state = self.slot(slot);
         if state.phase == Phase::Idle {
             state.phase = Phase::Requested;
@@ -368,12 +372,21 @@ impl<'r> Machine<'r> {
                 _ => ports.push((port, vec![digest])),
             }
         }
+        let (base, cpu_base) = self.base(slot);
+        let output = self.graph.port_name(slot);
         let key = match before {
-            None => keys::first(&self.base(slot), self.graph.port_name(slot), &ports),
+            None => keys::first(&base, output, &ports),
             Some(before) => keys::next(&before, &ports),
         };
-        self.slot(slot).key = Some(key);
-        match self.find(slot, &key) {
+        let cpu_key = match (before, cpu_base, self.slots[slot as usize].cpu_key) {
+            (None, Some(base), _) => Some(keys::first(&base, output, &ports)),
+            (Some(_), _, Some(before)) => Some(keys::next(&before, &ports)),
+            _ => None,
+        };
+        let state = self.slot(slot);
+        (state.key, state.cpu_key) = (Some(key), cpu_key);
+        let found = self.find(slot, &key).or_else(|| self.find(slot, &cpu_key?));
+        match found {
             Some(Record::Done(done)) => self.hit(slot, done),
             Some(Record::Need(need)) if self.run.elision => match self.needed(slot, &need.ports) {
                 Some(ports) => self.ask(slot, ports),
@@ -384,15 +397,18 @@ impl<'r> Machine<'r> {
         }
     }
 
-    fn base(&mut self, slot: u32) -> Digest {
+    /// What all outputs of a slot's site have in common, in its realm and, if that is another, on the cpu.
+    fn base(&mut self, slot: u32) -> (Digest, Option<Digest>) {
         let site = self.site_of(slot);
         if let Some(base) = self.sites[site as usize].base {
             return base;
         }
-        let base = match self.graph.node_at(site) {
-            Some(node) => keys::of_node(node, &node.node.realm(), self.run.elision),
-            None => Digest::default(),
+        let Some(node) = self.graph.node_at(site) else {
+            return Default::default();
         };
+        let of = |realm: &str| keys::of_node(node, realm, self.run.elision);
+        let realm = node.node.realm();
+        let base = (of(&realm), (realm != "cpu").then(|| of("cpu")));
         self.sites[site as usize].base = Some(base);
         base
     }
@@ -407,6 +423,11 @@ impl<'r> Machine<'r> {
             return None;
         }
         self.store.as_ref()?.lookup(key)
+    }
+
+    /// Whether the value with this digest can be had from the store.
+    pub fn stored(&self, value: &Digest) -> bool {
+        self.store.as_ref().is_some_and(|store| store.has_value(value))
     }
 
     fn cacheable(&self, slot: u32) -> bool {
@@ -442,29 +463,27 @@ impl<'r> Machine<'r> {
             self.ask(slot, open);
             return;
         }
-        let Some(node) = self.graph.node_at(self.site_of(slot)) else {
-            return;
-        };
-        let known = Known::new(
-            self.known_ports(slot),
-            Box::new(|_| Err(NodeError::Unknown { port: String::new() })),
-        );
-        let answer = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            node.node.demand(self.graph.port_name(slot), &known)
-        }));
-        drop(known);
-        match answer {
-            Ok(Err(NodeError::Unknown { .. })) => self.want_values(slot, Phase::ValuesToDecide),
-            Ok(Ok(demand)) => self.decided(slot, Ok(demand)),
-            Ok(Err(error)) => self.decided(slot, Err(Trouble::Error(error))),
-            // Ask again where panics are caught with their message.
-            Err(_) => self.want_values(slot, Phase::ValuesToDecide),
+        match self.demand_unseen(slot, self.slots[slot as usize].demanded) {
+            Err(NodeError::Unknown { .. }) => self.want_values(slot, Phase::ValuesToDecide),
+            Ok(demand) => self.decided(slot, Ok(demand)),
+            Err(error) => self.decided(slot, Err(Trouble::Error(error))),
         }
     }
 
-    fn known_ports(&self, slot: u32) -> Vec<KnownPort> {
+    /// What the node demands, asked without letting it see any value: `Unknown` if it wants to.
+    pub fn demand_unseen(&self, slot: u32, demanded: u64) -> Result<Demand, NodeError> {
+        let unknown = || NodeError::Unknown { port: String::new() };
+        let Some(node) = self.graph.node_at(self.site_of(slot)) else {
+            return Ok(Demand::ready());
+        };
+        let known = Known::new(self.known_ports(slot, demanded), Box::new(move |_| Err(unknown())));
+        let answer = AssertUnwindSafe(|| node.node.demand(self.graph.port_name(slot), &known));
+        // After a panic, ask again where panics are caught with their message.
+        catch_unwind(answer).unwrap_or_else(|_| Err(unknown()))
+    }
+
+    fn known_ports(&self, slot: u32, demanded: u64) -> Vec<KnownPort> {
         let (always, lazy) = self.wired(slot);
-        let demanded = self.slots[slot as usize].demanded;
         self.ports(slot)
             .iter()
             .enumerate()
@@ -545,7 +564,7 @@ impl<'r> Machine<'r> {
                     slot,
                     node: Arc::clone(&node.node),
                     output: node.spec.outputs[self.graph.port_of(slot)].name,
-                    ports: self.known_ports(slot),
+                    ports: self.known_ports(slot, self.slots[slot as usize].demanded),
                     values,
                 });
             }

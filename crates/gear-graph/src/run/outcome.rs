@@ -72,7 +72,15 @@ pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, elapsed: Duration,
     } else {
         RunStatus::Failed
     };
-    let left_out = why_left_out(&machine);
+    let did_without = |slot: u32, port: u16| {
+        let state = &machine.slots[slot as usize];
+        if state.phase == Phase::Done && state.demanded & (1 << port) == 0 {
+            DidWithout::Yes(state.reason.to_string())
+        } else {
+            DidWithout::No
+        }
+    };
+    let left_out = why_left_out(&machine, &did_without, &|_| false);
     let graph = run.graph;
     let nodes = graph
         .order
@@ -123,29 +131,36 @@ pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, elapsed: Duration,
     }
 }
 
-/// For every site of which nothing was requested, why.
-fn why_left_out(machine: &Machine<'_>) -> Vec<Option<String>> {
+/// Whether a slot does without one of its site's ports, and why.
+pub(super) enum DidWithout {
+    Yes(String),
+    No,
+}
+
+/// For every site of which nothing is requested, why. Consumers come first, so that their reasons are known.
+pub(super) fn why_left_out(
+    machine: &Machine<'_>,
+    did_without: &dyn Fn(u32, u16) -> DidWithout,
+    requested: &dyn Fn(u32) -> bool,
+) -> Vec<Option<String>> {
     let graph = machine.graph;
     let mut why: Vec<Option<String>> = vec![None; graph.sites()];
     for site in graph.order.iter().rev() {
-        let mut slots = graph.slots_of(*site);
-        if !slots.all(|slot| matches!(machine.slots[slot as usize].phase, Phase::Idle | Phase::Dead)) {
+        let idle = |slot: u32| matches!(machine.slots[slot as usize].phase, Phase::Idle | Phase::Dead);
+        if !graph.slots_of(*site).all(|slot| idle(slot) && !requested(slot)) {
             continue;
         }
-        let alive: Vec<u32> = graph
-            .slots_of(*site)
-            .filter(|slot| machine.slots[*slot as usize].alive)
-            .collect();
         let mut reason = "no output that was asked for needs it".to_string();
-        for reading in alive.iter().flat_map(|slot| graph.readers_of(*slot)) {
+        let alive = graph.slots_of(*site).filter(|slot| machine.slots[*slot as usize].alive);
+        for reading in alive.flat_map(|slot| graph.readers_of(slot)) {
             let reader = graph.site_name(reading.site);
-            let did_without = graph.slots_of(reading.site).find_map(|slot| {
-                let state = &machine.slots[slot as usize];
-                (state.phase == Phase::Done && state.demanded & (1 << reading.port) == 0).then_some(&state.reason)
-            });
-            if let Some(because) = did_without
-                && let Some(node) = graph.node_at(reading.site)
-            {
+            let because = graph
+                .slots_of(reading.site)
+                .find_map(|slot| match did_without(slot, reading.port) {
+                    DidWithout::Yes(because) => Some(because),
+                    DidWithout::No => None,
+                });
+            if let (Some(because), Some(node)) = (because, graph.node_at(reading.site)) {
                 let port = node.spec.inputs[usize::from(reading.port)].name;
                 let because = if because.is_empty() {
                     String::new()

@@ -1,1 +1,201 @@
+//! Demand, plans and realms.
 
+use super::kit::*;
+use crate::*;
+
+const CHOOSE: &str = "inputs: {a: Number, b: Number, c: {type: Number, optional: true}}
+nodes:
+  left: {node: Add, in: {of: a}}
+  far: {node: Add, in: {of: b}, with: {plus: 1}}
+  right: {node: Add, in: {of: far.sum}}
+  choose: {node: Choose, in: {a: left.sum, b: right.sum, c: c}}
+outputs: {chosen: choose.chosen}";
+
+fn with<'g>(graph: &'g Graph, a: f64, b: f64) -> Run<'g> {
+    Run::new(graph).input_value("a", Number(a)).input_value("b", Number(b))
+}
+
+#[test]
+fn a_branch_that_a_parameter_makes_dead_never_starts() {
+    let graph = graph_set(CHOOSE, &["choose.when=never"]);
+    let outcome = with(&graph, 99.0, 5.0).go().unwrap();
+    assert_eq!(outcome.report.ran(), ["left", "choose"]);
+    assert_eq!(outcome.report.with_status(NodeStatus::LeftOut), ["far", "right"]);
+    let reason = |id: &str| outcome.report.node(id).unwrap().reason.clone().unwrap();
+    assert_eq!(reason("right"), "`choose` does without `b`: never");
+    assert_eq!(reason("far"), "only `right` would read it, which is left out");
+}
+
+#[test]
+fn a_branch_that_the_values_make_dead_never_starts() {
+    let graph = graph(CHOOSE);
+    assert_eq!(with(&graph, 1.0, 5.0).go().unwrap().report.ran(), ["left", "choose"]);
+    assert_eq!(
+        with(&graph, 11.0, 5.0).go().unwrap().report.ran(),
+        ["left", "far", "right", "choose"]
+    );
+}
+
+#[test]
+fn demand_may_go_on_asking_after_it_saw_what_it_asked_for() {
+    let graph = graph(CHOOSE);
+    let run = |b: f64| with(&graph, 11.0, b).input_value("c", Number(77.0)).go().unwrap();
+    assert_eq!(number(&run(5.0), "chosen"), 6.0);
+    assert_eq!(number(&run(-5.0), "chosen"), 77.0);
+    assert_eq!(
+        number(&with(&graph, 11.0, -5.0).go().unwrap(), "chosen"),
+        -4.0,
+        "c is optional"
+    );
+}
+
+#[test]
+fn only_the_outputs_that_are_asked_for_are_computed() {
+    let body = CHOOSE.replace("chosen: choose.chosen", "chosen: choose.chosen, far: far.sum");
+    let graph = graph(&body);
+    let outcome = with(&graph, 1.0, 5.0).outputs(["far"]).go().unwrap();
+    assert_eq!(outcome.report.ran(), ["far"]);
+    assert!(outcome.digest("chosen").is_none() && outcome.value("chosen").is_none());
+    assert_eq!(number(&outcome, "far"), 6.0);
+}
+
+#[test]
+fn the_plan_of_a_cold_run_says_what_runs_and_what_may() {
+    let (graph, shelf) = (graph(CHOOSE), Shelf::new());
+    let plan = with(&graph, 1.0, 5.0).store(shelf.open()).plan().unwrap();
+    let text: Vec<_> = plan
+        .nodes
+        .iter()
+        .map(|n| format!("{}: {:?}, {}", n.id, n.state, n.reason))
+        .collect();
+    insta::assert_debug_snapshot!("plan_cold", text);
+    assert!(shelf.open().stat().actions == 0, "a plan stores nothing");
+}
+
+#[test]
+fn the_plan_of_a_warm_run_says_what_is_cached_and_what_is_left_out() {
+    let (graph, shelf) = (graph(CHOOSE), Shelf::new());
+    let run = || with(&graph, 1.0, 5.0).store(shelf.open());
+    run().go().unwrap();
+    let plan = run().plan().unwrap();
+    let text: Vec<_> = plan
+        .nodes
+        .iter()
+        .map(|n| format!("{}: {:?}, {}", n.id, n.state, n.reason))
+        .collect();
+    insta::assert_debug_snapshot!("plan_warm", text);
+    assert_eq!(
+        plan.node("choose").unwrap().elided[0].reason,
+        "a is not above the threshold"
+    );
+    // A new parameter of the last node: only that runs.
+    let changed = graph_set(CHOOSE, &["choose.when.above.threshold=0.5"]);
+    let plan = with(&changed, 1.0, 5.0).store(shelf.open()).plan().unwrap();
+    let state = |id: &str| plan.node(id).unwrap().state;
+    assert_eq!(
+        (state("left"), state("choose")),
+        (PlannedState::Cached, PlannedState::Runs)
+    );
+    assert_eq!(state("right"), PlannedState::MayRun);
+}
+
+#[test]
+fn fresh_runs_one_node_whatever_is_stored() {
+    let (graph, shelf) = (graph(CHOOSE), Shelf::new());
+    let run = || with(&graph, 1.0, 5.0).store(shelf.open());
+    run().go().unwrap();
+    let outcome = run().fresh("left").go().unwrap();
+    assert_eq!(outcome.report.ran(), ["left"], "what follows sees the same digest");
+    assert_eq!(
+        run().fresh("left").plan().unwrap().node("left").unwrap().state,
+        PlannedState::Runs
+    );
+}
+
+#[test]
+fn what_is_not_deterministic_is_never_cached() {
+    let body = "nodes: {dice: {node: Dice}, add: {node: Add, in: {of: dice.sum}}}\noutputs: {sum: add.sum}";
+    let (graph, shelf) = (graph(body), Shelf::new());
+    let run = || Run::new(&graph).store(shelf.open()).go().unwrap();
+    let (first, second) = (run(), run());
+    assert_eq!(first.report.ran(), ["dice", "add"]);
+    assert_eq!(second.report.ran(), ["dice", "add"]);
+    assert_ne!(first.digest("sum"), second.digest("sum"));
+}
+
+#[test]
+fn a_cpu_result_serves_another_realm_and_never_the_reverse() {
+    macro_rules! double {
+        ($name:ident, $realm:literal) => {
+            /// Doubles, somewhere.
+            #[derive(Clone, Debug, Params)]
+            struct $name {}
+
+            impl Node for $name {
+                const NAME: &str = "Double";
+                const VERSION: u32 = 1;
+                type Inputs = FloorIn;
+                type Outputs = AddOut;
+
+                fn realm(&self) -> String {
+                    $realm.into()
+                }
+
+                fn run(&self, inputs: FloorIn, _: &Want, _: &Context) -> Result<AddOut, NodeError> {
+                    let sum = std::sync::Arc::new(Number(2.0 * inputs.x.0));
+                    Ok(AddOut { sum })
+                }
+            }
+        };
+    }
+    double!(Cpu, "cpu");
+    double!(Gpu, "gpu:test:1");
+
+    fn check<N: Node>() -> Graph {
+        let mut registry = registry();
+        registry.node::<N>();
+        let text = "gear: 1\ninputs: {x: Number}\nnodes: {d: {node: Double, in: {x: x}}}\noutputs: {y: d.sum}";
+        GraphSource::new("test.yaml", text).check(&registry).unwrap()
+    }
+
+    let (cpu, gpu) = (check::<Cpu>(), check::<Gpu>());
+    let ran = |graph: &Graph, shelf: &Shelf| {
+        let run = Run::new(graph).store(shelf.open()).input_value("x", Number(1.0));
+        !run.go().unwrap().report.ran().is_empty()
+    };
+    let shelf = Shelf::new();
+    assert!(ran(&cpu, &shelf) && !ran(&gpu, &shelf), "cpu serves gpu");
+    let shelf = Shelf::new();
+    assert!(
+        ran(&gpu, &shelf) && ran(&cpu, &shelf) && !ran(&gpu, &shelf),
+        "gpu serves gpu only"
+    );
+}
+
+#[test]
+fn mistakes_in_asking_are_reported_together() {
+    let graph = graph(CHOOSE);
+    let mistakes = Run::new(&graph)
+        .input_value("aa", Number(1.0))
+        .input_value("b", Report(serde_json::Value::Null))
+        .outputs(["chose"])
+        .fresh("chosse")
+        .go()
+        .unwrap_err();
+    let text: Vec<_> = mistakes.iter().map(ToString::to_string).collect();
+    insta::assert_debug_snapshot!("run_mistakes", text);
+}
+
+#[test]
+fn notes_are_told_again_when_the_result_comes_from_the_store() {
+    let body = "inputs: {x: Number}\nnodes: {floor: {node: Floor, in: {x: x}}}\noutputs: {whole: floor.whole}";
+    let (graph, shelf) = (graph(body), Shelf::new());
+    for _ in 0..2 {
+        let run = Run::new(&graph).store(shelf.open()).input_value("x", Number(-1.5));
+        let report = run.go().unwrap().report;
+        assert_eq!(
+            report.node("floor").unwrap().notes,
+            ["negative numbers round away from zero"]
+        );
+    }
+}
