@@ -1,6 +1,6 @@
 //! What happens in a run, while it happens.
 
-use crate::{Digest, Progress};
+use crate::{AnyValue, Digest, Progress};
 
 use super::Failure;
 
@@ -35,6 +35,18 @@ pub enum Event<'a> {
         node: &'a str,
         /// Seconds on the clock.
         seconds: f64,
+    },
+    /// A node computed an output (or an input was loaded). Whoever wants more of the value than a glance shares it and
+    /// works elsewhere; it lives as long as somebody holds it.
+    Value {
+        /// The node's or input's name.
+        node: &'a str,
+        /// The output; the input's name for an input.
+        output: &'a str,
+        /// The value's digest.
+        digest: &'a Digest,
+        /// The value.
+        value: &'a AnyValue,
     },
     /// An output was known to the store.
     Hit {

@@ -252,6 +252,14 @@ impl Scheduler<'_> {
                 {
                     let node = self.run.graph.site_name(self.run.graph.site_of[*slot as usize]);
                     self.tell(&Event::Ran { node, seconds });
+                    for (slot, computed) in slots.iter().zip(result.iter().flatten()) {
+                        self.tell(&Event::Value {
+                            node,
+                            output: self.run.graph.port_name(*slot),
+                            digest: &computed.digest,
+                            value: &computed.value,
+                        });
+                    }
                 }
                 self.machine.ran(&slots, result, seconds, out.peak, notes);
             }

@@ -143,7 +143,7 @@ impl Store {
     }
 
     /// The value with this digest, verified.
-    pub(crate) fn load(&self, value: &Digest, value_type: &ValueType) -> Option<AnyValue> {
+    pub fn load(&self, value: &Digest, value_type: &ValueType) -> Option<AnyValue> {
         let content = self.inner().log.find_value(value)?.content?;
         let bytes = self.read(&content)?;
         // A decoder is promised not to panic on any bytes, and these are the bytes that were encoded; but a panic
