@@ -11,7 +11,7 @@ use petgraph::graph::{DiGraph, NodeIndex};
 
 use super::file::{File, FileInput, FileNode, Wiring};
 use super::{Graph, GraphInput, GraphNode, GraphOutput, Reading, Wire, nearest};
-use crate::{Fields, NodeError, NodeSpec, Problem, Registry, Span, Spanned, Tree, TreeKind};
+use crate::{Fields, NodeError, NodeSpec, Problem, Registry, Severity, Span, Spanned, Tree, TreeKind};
 
 /// What a name in the file stands for.
 struct Names<'f> {
@@ -119,7 +119,8 @@ pub fn check(name: &str, file: &File<'_>, registry: &Registry, problems: &mut Ve
         order: order?,
         warnings: super::Mistakes::default(),
     };
-    if complete {
+    // A wire that is wrong leaves its source unused; to say so would be noise.
+    if complete && problems.iter().all(|problem| problem.severity != Severity::Error) {
         unused(&graph, file, problems);
     }
     Some(graph)

@@ -1,6 +1,7 @@
 //! [`Tree`] → the names of a graph file, each with its place. Keys are checked here, names in [`super::check`].
 
 use super::{GRAPH_VERSION, nearest};
+use crate::params::yaml_trap;
 use crate::{Problem, Spanned, Tree, TreeKind};
 
 /// What a graph file says, before any name is looked up.
@@ -137,12 +138,15 @@ fn input<'t>(name: &'t Spanned<String>, tree: &'t Tree, problems: &mut Vec<Probl
     match get(entries, "optional").map(|tree| (tree, &tree.kind)) {
         None => {}
         Some((_, TreeKind::Bool(optional))) => input.optional = *optional,
-        Some((tree, _)) => problems.push(Problem::error(
-            "wrong-type",
-            format!("`optional` of {what} takes true or false, found {}", tree.describe()),
-            tree.span,
-            "expected true or false",
-        )),
+        Some((tree, _)) => problems.push(
+            Problem::error(
+                "wrong-type",
+                format!("`optional` of {what} takes true or false, found {}", tree.describe()),
+                tree.span,
+                "expected true or false",
+            )
+            .maybe_help(yaml_trap(tree, "true or false")),
+        ),
     }
     input.with = get(entries, "with");
     input

@@ -67,6 +67,9 @@ impl Mistakes {
             .with_context_lines(1);
         let mut text = String::new();
         for problem in &self.problems {
+            if !text.is_empty() {
+                text.push('\n');
+            }
             let shown = Shown::new(problem, &self.sources);
             // Writing to a String cannot fail.
             let _ = handler.render_report(&mut text, &shown);

@@ -292,3 +292,6 @@ impl std::fmt::Debug for Graph {
         )
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,13 +1,16 @@
 //! The nearest name to a misspelt one.
 
 /// The name that `word` was most likely meant to be, if one is near: edit distance (with swaps of neighbours) of at
-/// most a third of the longer word, ignoring case.
+/// most two fifths of the longer word, ignoring case.
 pub fn nearest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = word.to_lowercase();
     names
         .into_iter()
         .map(|name| (distance(&lower, &name.to_lowercase()), name))
-        .filter(|(distance, name)| *distance <= (word.chars().count().max(name.chars().count()) / 3).max(1))
+        .filter(|(distance, name)| {
+            let longer = word.chars().count().max(name.chars().count());
+            longer > 1 && *distance <= (longer * 2 / 5).max(1)
+        })
         .min()
         .map(|(_, name)| name)
 }
@@ -47,5 +50,7 @@ mod tests {
         assert_eq!(nearest("Recompse", names), Some("Recompose"));
         assert_eq!(nearest("Blur", names), None);
         assert_eq!(nearest("", names), None);
+        assert_eq!(nearest("q", ["a", "b"]), None);
+        assert_eq!(nearest("Adder", ["Add"]), Some("Add"));
     }
 }

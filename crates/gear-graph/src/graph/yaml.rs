@@ -113,24 +113,39 @@ pub fn parse(text: &str, source: u32, problems: &mut Vec<Problem>) -> Option<Tre
     match serde_saphyr::from_str_with_options::<serde_saphyr::Spanned<Raw>>(text, options) {
         Ok(raw) => Some(place(raw, source, text)),
         Err(error) => {
-            let span = error.location().map_or(
-                Span {
-                    source,
-                    ..Span::default()
-                },
-                |location| span(&location, source, text),
-            );
-            let message = error.without_snippet().to_string();
-            let message = message.lines().next().unwrap_or_default().to_string();
-            problems.push(Problem::error(
-                "not-yaml",
-                format!("this is not YAML that can be read: {message}"),
-                span,
-                "here",
-            ));
+            problems.push(problem(&error, source, text));
             None
         }
     }
+}
+
+fn problem(error: &serde_saphyr::Error, source: u32, text: &str) -> Problem {
+    let span = error.location().map_or(
+        Span {
+            source,
+            ..Span::default()
+        },
+        |location| span(&location, source, text),
+    );
+    let message = error.without_snippet().to_string();
+    let message = message.lines().next().unwrap_or_default();
+    if message.contains("budget") || message.contains("limit") {
+        return Problem::error(
+            "too-large",
+            "the file unfolds to more than can be read",
+            span,
+            "too much here",
+        )
+        .help("aliases (`*name`) that hold aliases multiply; write out what is meant");
+    }
+    // The place is shown; it need not be told as well.
+    let message = message.split(" at line ").next().unwrap_or(message);
+    Problem::error(
+        "not-yaml",
+        format!("this is not YAML that can be read: {message}"),
+        span,
+        "here",
+    )
 }
 
 fn place(raw: serde_saphyr::Spanned<Raw>, source: u32, text: &str) -> Tree {
@@ -160,7 +175,10 @@ fn place(raw: serde_saphyr::Spanned<Raw>, source: u32, text: &str) -> Tree {
 
 /// The bytes of a location, cut at the end of its first line so that labels stay short.
 fn span(location: &serde_saphyr::Location, source: u32, text: &str) -> Span {
-    let start = location.span().byte_offset().unwrap_or(0).min(text.len() as u64) as usize;
+    let start = match location.span().byte_offset() {
+        Some(offset) => offset.min(text.len() as u64) as usize,
+        None => offset_of(text, location.line(), location.column()),
+    };
     let len = location.span().byte_len().unwrap_or(0).min((text.len() - start) as u64) as usize;
     let first_line = text
         .get(start..start + len)
@@ -171,6 +189,21 @@ fn span(location: &serde_saphyr::Location, source: u32, text: &str) -> Span {
         start: start as u32,
         len: first_line as u32,
     }
+}
+
+/// The byte at a line and column (both from 1).
+fn offset_of(text: &str, line: u64, column: u64) -> usize {
+    let before: usize = text
+        .split_inclusive('\n')
+        .take(line.saturating_sub(1) as usize)
+        .map(str::len)
+        .sum();
+    let rest = &text[before..];
+    let in_line = rest
+        .char_indices()
+        .nth(column.saturating_sub(1) as usize)
+        .map_or(rest.len(), |(i, _)| i);
+    before + in_line
 }
 
 /// Reports keys that repeat, everywhere in the tree.

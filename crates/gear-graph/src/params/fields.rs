@@ -88,7 +88,7 @@ fn names(variants: &[Variant]) -> String {
 }
 
 /// What YAML 1.1 would have made of a text, when that is what was expected.
-fn yaml_trap(tree: &Tree, expected: &str) -> Option<String> {
+pub(crate) fn yaml_trap(tree: &Tree, expected: &str) -> Option<String> {
     let TreeKind::Text(text) = &tree.kind else {
         return None;
     };

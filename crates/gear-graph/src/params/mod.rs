@@ -9,6 +9,7 @@ mod tree;
 
 pub use builtin::OrAuto;
 pub use choice::{Variant, tagged};
+pub(crate) use fields::yaml_trap;
 pub use fields::{Fields, Reader};
 pub use limits::{Bound, Limits};
 pub use problem::{Problem, Severity, Span, Spanned};

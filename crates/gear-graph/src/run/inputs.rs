@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 use super::Run;
 use crate::graph::nearest;
-use crate::{AnyValue, Digest, FileSource, Hasher, NodeError, ValueError};
+use crate::{AnyValue, Digest, FileSource, Hasher, NodeError};
 
 type Make = dyn Fn() -> Result<Vec<u8>, NodeError> + Send + Sync;
 
@@ -208,11 +208,7 @@ pub(super) fn resolve(run: &Run<'_>) -> Result<Vec<Given>, Vec<RunMistake>> {
             }
             Some(Input::Value(value)) => RunMistake::BadValue {
                 name: input.name.clone(),
-                problem: ValueError::new(
-                    input.value_type.name,
-                    format!("expected {}, found {}", input.value_type.name, value.value_type().name),
-                )
-                .to_string(),
+                problem: format!("expected {}, found {}", input.value_type.name, value.value_type().name),
             },
             Some(_) if input.load.is_none() => RunMistake::BadValue {
                 name: input.name.clone(),

@@ -151,4 +151,4 @@ impl<'g> Run<'g> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -299,6 +299,7 @@ pub fn registry() -> Registry {
         .node::<Measure>()
         .node::<Trouble>()
         .node::<Dice>()
+        .node::<Ranged>()
         .loader::<NumberText>();
     registry
 }
@@ -337,5 +338,52 @@ impl Shelf {
     /// Removes all contents, as an eviction would, and leaves the records.
     pub fn evict_contents(&self) {
         std::fs::remove_dir_all(self.0.path().join("contents")).unwrap();
+    }
+}
+
+/// Has parameters of all kinds with ranges.
+#[derive(Clone, Debug, Params)]
+pub struct Ranged {
+    /// A share.
+    #[param(default = 0.5, range = 0.0..=1.0, unit = "share of the longer side")]
+    pub share: f64,
+    /// A count.
+    #[param(default = 3, range = 1..=9)]
+    pub count: u32,
+    /// A list.
+    #[param(default = vec![], range = -90.0..=90.0, unit = "degrees")]
+    pub list: Vec<f64>,
+    /// A number or `auto`.
+    #[param(default = OrAuto::Auto, above = 0.0, below = 1.0)]
+    pub auto: OrAuto<f64>,
+    /// A flag.
+    #[param(default = false)]
+    pub flag: bool,
+    /// Not above `high`.
+    #[param(default = 0.0)]
+    pub low: f64,
+    /// Not below `low`.
+    #[param(default = 1.0)]
+    pub high: f64,
+}
+
+impl Node for Ranged {
+    const NAME: &str = "Ranged";
+    const VERSION: u32 = 1;
+    type Inputs = FloorIn;
+    type Outputs = FloorOut;
+
+    fn check(&self) -> Result<(), NodeError> {
+        if self.low > self.high {
+            return Err(NodeError::param(
+                "low",
+                format!("must not be above high = {}, found {}", self.high, self.low),
+            ));
+        }
+        Ok(())
+    }
+
+    fn run(&self, inputs: FloorIn, want: &Want, ctx: &Context) -> Result<FloorOut, NodeError> {
+        Floor {}.run(inputs, want, ctx)
     }
 }

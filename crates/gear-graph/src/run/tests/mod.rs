@@ -4,6 +4,6 @@ mod demand;
 mod durability;
 mod failure;
 mod invariants;
-mod kit;
+pub(crate) mod kit;
 mod oracle;
 mod scale;
