@@ -19,6 +19,7 @@ pub mod fields;
 pub mod height;
 pub mod ink;
 pub mod light;
+pub mod mask;
 pub mod shading;
 pub mod surfels;
 

@@ -66,7 +66,7 @@ fn marks(palette: &Palette, under: Colour, x: f64, y: f64, half: [f64; 2], seed:
     let top = -half[1] + 0.055;
     let cell = 0.032;
     let (u, v) = ((x - left) / cell, (y - top) / (1.12 * cell));
-    let (row, count) = (v.floor(), 6.0);
+    let (row, count) = (v.floor(), 4.0);
     if (0.0..1.0).contains(&u) && (0.0..count).contains(&v) {
         let ink = glyph(seed + 31 + row as u64, u, v - row);
         return mix(under, palette.ink, 0.85 * ink);

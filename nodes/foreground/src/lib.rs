@@ -1,1 +1,238 @@
-//! The node foreground
+//! The one mask: what of a picture is figure, what is ground.
+//!
+//! Made from the original painting and wired to everyone who needs it: later pictures have shifted colours. A mask
+//! that the user gives comes first; then a rough box; else the figure is searched for before the ground
+//! that the picture's rim shows (colour models and a minimum cut: Rother et al., *GrabCut*, 2004; see
+//! `gear_relief::mask`). When no figure can be trusted the whole canvas is the subject, and the mask is full.
+
+use std::sync::Arc;
+
+use gear_graph::{Choice, Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Want, Wanted};
+use gear_image::{Image, Mask};
+use gear_relief::mask::{self, Found, Settings};
+use serde_json::json;
+
+/// The figure in front of its ground, or the whole canvas when none can be told apart.
+///
+/// Give a mask file or a rough box where the automatic mask is wrong: the mask decides the result more than
+/// anything after it.
+#[derive(Clone, Debug, Params)]
+pub struct Foreground {
+    /// Where the mask comes from when none is given at the `mask` port.
+    #[param(default = Method::Auto)]
+    pub method: Method,
+
+    /// Rounds of colour models and cut.
+    #[param(default = 5, range = 1..=20)]
+    pub iterations: u32,
+
+    /// Price of a boundary through flat colour; higher is smoother.
+    #[param(default = 8.0, range = 0.0..=100.0, unit = "nats a pixel")]
+    pub smoothness: f64,
+
+    /// Gaussians in each colour model.
+    #[param(default = 5, range = 1..=16)]
+    pub components: u32,
+
+    /// Longer side at which figure and ground are told apart; only the boundary is found at full size.
+    #[param(default = 384, range = 32..=2048, unit = "px")]
+    pub working_size: u32,
+
+    /// An automatic mask with less confidence becomes the whole canvas.
+    #[param(default = 0.3, range = 0.0..=1.0)]
+    pub least_confidence: f64,
+}
+
+/// Where a mask comes from.
+#[derive(Clone, Debug, PartialEq, Choice)]
+pub enum Method {
+    /// Searched for, from the colours of the rim.
+    Auto,
+    /// Searched for inside a rough box, shares of width and height from the upper left corner.
+    Box {
+        /// Left.
+        #[param(default = 0.1, range = 0.0..=1.0, unit = "share of the width")]
+        x0: f64,
+        /// Top.
+        #[param(default = 0.1, range = 0.0..=1.0, unit = "share of the height")]
+        y0: f64,
+        /// Right.
+        #[param(default = 0.9, range = 0.0..=1.0, unit = "share of the width")]
+        x1: f64,
+        /// Bottom.
+        #[param(default = 0.9, range = 0.0..=1.0, unit = "share of the height")]
+        y1: f64,
+    },
+    /// The whole canvas.
+    Relief,
+}
+
+/// Input ports.
+#[derive(Inputs)]
+pub struct In {
+    /// The original painting.
+    pub image: Arc<Image>,
+    /// The user's own mask, of any size.
+    pub mask: Option<Arc<Mask>>,
+}
+
+/// Output ports.
+#[derive(Outputs)]
+pub struct Out {
+    /// The figure, the picture's size; full for a whole-canvas relief.
+    pub mask: Wanted<Mask>,
+    /// Confidence, mode (`figure`, `relief`, `given`, `box`), share of the canvas, and what was doubted.
+    pub report: Wanted<Report>,
+}
+
+impl Node for Foreground {
+    const NAME: &str = "Foreground";
+    const VERSION: u32 = 1;
+    type Inputs = In;
+    type Outputs = Out;
+
+    fn check(&self) -> Result<(), NodeError> {
+        match self.method {
+            Method::Box { x0, y0, x1, y1 } if x0 >= x1 || y0 >= y1 => Err(NodeError::param(
+                "method",
+                format!("the box {x0}, {y0} to {x1}, {y1} is empty; give x0 < x1 and y0 < y1"),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn run(&self, inputs: In, want: &Want, ctx: &Context) -> Result<Out, NodeError> {
+        let (width, height) = inputs.image.size();
+        ctx.checkpoint()?;
+        let found = match (&inputs.mask, &self.method) {
+            (Some(given), _) => mask::given(given, width, height),
+            (None, Method::Relief) => mask::relief(width, height),
+            (None, Method::Box { x0, y0, x1, y1 }) => {
+                mask::in_box(&inputs.image.rgb, [*x0, *y0, *x1, *y1], &self.settings())
+            }
+            (None, Method::Auto) => mask::automatic(&inputs.image.rgb, &self.settings()),
+        };
+        let report = want.try_compute("report", || Report::new(describe(&found)))?;
+        Ok(Out {
+            mask: want.compute("mask", || found.mask),
+            report,
+        })
+    }
+}
+
+impl Foreground {
+    fn settings(&self) -> Settings {
+        Settings {
+            iterations: self.iterations as usize,
+            smoothness: self.smoothness,
+            components: self.components as usize,
+            working_size: self.working_size as usize,
+            least_confidence: self.least_confidence,
+        }
+    }
+}
+
+fn describe(found: &Found) -> serde_json::Value {
+    let mut report = json!({
+        "mode": found.mode.name(),
+        "confidence": found.confidence,
+        "share": found.share(),
+        "frame": found.frame,
+    });
+    if let Some(d) = found.doubts {
+        report["measured"] = json!({
+            "rim": d.rim, "main": d.main, "thick": d.thick, "fill": d.fill, "boxy": d.boxy, "edges": d.edges,
+            "explained": d.explained, "told_apart": d.told_apart, "busy": d.busy, "spanned": d.spanned,
+        });
+    }
+    report
+}
+
+/// Makes the node known.
+pub fn register(registry: &mut Registry) {
+    registry.node::<Foreground>();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gear_graph::{Value, testing};
+    use gear_sample::{Options, paint};
+
+    fn vessel() -> gear_sample::Sample {
+        paint(
+            "vessel",
+            &Options {
+                longer_side: 160,
+                ..Options::default()
+            },
+        )
+        .unwrap()
+    }
+
+    fn inputs(image: Image, mask: Option<Mask>) -> In {
+        In {
+            image: Arc::new(image),
+            mask: mask.map(Arc::new),
+        }
+    }
+
+    #[test]
+    fn summary_of_a_sample() {
+        let sample = vessel();
+        let out = testing::run(&Foreground::default(), inputs(sample.painting, None)).unwrap();
+        insta::assert_json_snapshot!("mask", out.mask.as_ref().unwrap().summary());
+        insta::assert_json_snapshot!("report", out.report.unwrap().summary());
+    }
+
+    #[test]
+    fn the_same_bits_on_any_number_of_threads() {
+        let painting = vessel().painting;
+        testing::assert_pure(&Foreground::default(), || inputs(painting.clone(), None));
+    }
+
+    #[test]
+    fn a_given_mask_passes_at_the_picture_s_size() {
+        let sample = vessel();
+        let out = testing::run(
+            &Foreground::default(),
+            inputs(sample.painting.clone(), Some(sample.mask.clone())),
+        )
+        .unwrap();
+        assert_eq!(*out.mask.unwrap(), sample.mask);
+        let tiny = Mask::from_fn(8, 10, |x, _| x < 4);
+        let out = testing::run(&Foreground::default(), inputs(sample.painting.clone(), Some(tiny))).unwrap();
+        let mask = out.mask.unwrap();
+        let (w, h) = sample.painting.size();
+        assert_eq!(mask.size(), (w, h));
+        assert!(mask.at(0, h / 2) && !mask.at(w - 1, h / 2));
+    }
+
+    #[test]
+    fn relief_is_the_whole_canvas() {
+        let node = Foreground {
+            method: Method::Relief,
+            ..Foreground::default()
+        };
+        let out = testing::run(&node, inputs(vessel().painting, None)).unwrap();
+        assert!(out.mask.unwrap().is_full());
+    }
+
+    #[test]
+    fn an_empty_box_is_refused() {
+        let method = Method::Box {
+            x0: 0.9,
+            y0: 0.1,
+            x1: 0.2,
+            y1: 0.8,
+        };
+        assert!(
+            Foreground {
+                method,
+                ..Foreground::default()
+            }
+            .check()
+            .is_err()
+        );
+    }
+}
