@@ -142,7 +142,7 @@ fn describe(found: &Found) -> serde_json::Value {
     if let Some(d) = found.doubts {
         report["measured"] = json!({
             "rim": d.rim, "main": d.main, "thick": d.thick, "fill": d.fill, "boxy": d.boxy, "edges": d.edges,
-            "explained": d.explained, "told_apart": d.told_apart, "busy": d.busy, "spanned": d.spanned,
+            "explained": d.explained, "sides": d.sides, "told_apart": d.told_apart, "busy": d.busy, "spanned": d.spanned,
         });
     }
     report
@@ -181,7 +181,7 @@ mod tests {
     fn summary_of_a_sample() {
         let sample = vessel();
         let out = testing::run(&Foreground::default(), inputs(sample.painting, None)).unwrap();
-        insta::assert_json_snapshot!("mask", out.mask.as_ref().unwrap().summary());
+        insta::assert_json_snapshot!("mask", out.mask.unwrap().summary());
         insta::assert_json_snapshot!("report", out.report.unwrap().summary());
     }
 

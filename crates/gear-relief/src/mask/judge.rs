@@ -147,6 +147,7 @@ pub fn confidence(d: &Doubts) -> f64 {
         * ramp(0.93, 0.85, d.boxy)
         * ramp(0.35, 0.65, d.edges)
         * ramp(0.35, 0.65, d.explained)
+        * ramp(0.25, 0.5, d.sides)
         * ramp(0.6, 0.85, d.told_apart)
         * ramp(0.40, 0.20, d.busy)
         * ramp(0.012, 0.002, d.spanned)

@@ -265,13 +265,14 @@ impl Network {
             let Edge { head, next, .. } = self.edges[edge as usize];
             let other = head as usize;
             // flow must run from the new parent to the node in S, from the node to it in T
-            if self.tree[other] == tree && self.room(tree, edge ^ 1) > 0 {
-                if let Some(distance) = self.verified_distance(other) {
-                    if best.is_none_or(|(_, least)| distance < least) {
-                        best = Some((edge, distance));
-                    }
-                    self.mark_path(other, distance);
+            if self.tree[other] == tree
+                && self.room(tree, edge ^ 1) > 0
+                && let Some(distance) = self.verified_distance(other)
+            {
+                if best.is_none_or(|(_, least)| distance < least) {
+                    best = Some((edge, distance));
                 }
+                self.mark_path(other, distance);
             }
             edge = next;
         }
