@@ -32,6 +32,6 @@ pub use run::{
     ElidedPort, Event, Failure, FailureKind, Input, InputSummary, NodeReport, NodeStatus, Observer, Outcome,
     OutputReport, Plan, PlannedNode, PlannedState, PortReport, Run, RunMistake, RunReport, RunStatus, peak_memory,
 };
-pub use store::{Collected, Store, StoreStat};
+pub use store::{Collected, DEFAULT_STORE_LIMIT, Store, StoreStat};
 pub use value::{Summary, Value, ValueError};
 pub use values::{Number, Report};

@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// A node type as people and tools see it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct NodeSpec {
     /// [`Node::NAME`].
     pub name: &'static str,
@@ -31,9 +31,10 @@ pub struct NodeSpec {
 }
 
 /// A loader as people and tools see it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct LoaderSpec {
     /// The type of value that it makes.
+    #[serde(rename = "type")]
     pub value_type: ValueType,
     /// [`Loader::VERSION`].
     pub version: u32,

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use crate::{Params, Value};
 
 /// A crate and the version of its numerics: raised when its results change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 pub struct Numerics {
     /// The crate, such as `"gear-image"`; empty for a type without numerics of its own.
     pub name: &'static str,

@@ -5,13 +5,14 @@ use std::sync::Arc;
 use crate::{AnyValue, NodeError, Value, ValueType};
 
 /// A port of a node type.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct PortSpec {
     /// The name in graph files.
     pub name: &'static str,
     /// The doc comment.
     pub doc: &'static str,
     /// The type of its value.
+    #[serde(rename = "type")]
     pub value_type: ValueType,
     /// An input that need not be wired.
     pub optional: bool,

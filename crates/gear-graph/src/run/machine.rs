@@ -142,6 +142,8 @@ pub(super) struct Machine<'r> {
     /// How far each site is from the end: the longest way goes first.
     height: Vec<u32>,
     agenda: Vec<u32>,
+    /// Slots that were requested, in order; for the plan.
+    pub begun: Vec<u32>,
     /// Slots that may run, by height, then by place in the graph.
     ready: BinaryHeap<(u32, std::cmp::Reverse<u32>)>,
     /// Jobs that others wait for: decisions and values from the store.
@@ -187,6 +189,7 @@ impl<'r> Machine<'r> {
             sites: vec![SiteState::default(); graph.sites()],
             height: vec![0; graph.sites()],
             agenda: Vec::new(),
+            begun: Vec::new(),
             ready: BinaryHeap::new(),
             urgent: Vec::new(),
             keep: Default::default(),
@@ -302,6 +305,7 @@ impl<'r> Machine<'r> {
         if state.phase == Phase::Idle {
             state.phase = Phase::Requested;
             self.agenda.push(slot);
+            self.begun.push(slot);
         }
     }
 
@@ -612,6 +616,7 @@ impl<'r> Machine<'r> {
         let state = self.slot(slot);
         state.again = true;
         state.phase = Phase::Again;
+        self.begun.push(slot);
         for wire in self.graph.wires_of(self.site_of(slot)) {
             self.slots[wire.from as usize].readers += 1;
         }
@@ -925,7 +930,8 @@ impl<'r> Machine<'r> {
                     source: self.graph.slot_name(wire.from),
                     type_name: value.value_type().name,
                     digest: from.digest.hex(),
-                    summary: value.summary(),
+                    // A summary that panics must not cost the message that it is for.
+                    summary: catch_unwind(AssertUnwindSafe(|| value.summary())).unwrap_or_default(),
                 })
             })
             .collect();

@@ -1,7 +1,35 @@
 //! Memory of the process, as the operating system counts it.
 
+use std::time::{Duration, Instant};
+
+/// How old a measurement may be: asking the system costs more than a small node does.
+const FRESH: Duration = Duration::from_millis(5);
+
+/// Measures the memory of the process, not more often than is useful.
+pub(super) struct Sampler {
+    at: Instant,
+    bytes: u64,
+}
+
+impl Sampler {
+    pub fn new() -> Self {
+        Self {
+            at: Instant::now(),
+            bytes: resident().unwrap_or(0),
+        }
+    }
+
+    /// Bytes resident now, or a moment ago; 0 where the platform does not say.
+    pub fn resident(&mut self) -> u64 {
+        if self.at.elapsed() > FRESH {
+            *self = Self::new();
+        }
+        self.bytes
+    }
+}
+
 /// Bytes resident now; `None` where the platform does not say.
-pub(super) fn resident() -> Option<u64> {
+fn resident() -> Option<u64> {
     // Pages are 4 KiB on every Linux that this is measured on; /proc/self/status would say kB but costs more to read.
     let statm = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: u64 = statm.split_whitespace().nth(1)?.parse().ok()?;

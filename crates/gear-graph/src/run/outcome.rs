@@ -204,12 +204,24 @@ fn node_report(machine: &Machine<'_>, site: u32, left_out: &[Option<String>]) ->
     } else {
         NodeStatus::Unfinished
     };
-    let (params, type_name, version, realm) = match node {
-        Some(node) => (node.params(), node.spec.name, node.spec.version, node.node.realm()),
+    let (params, type_name, version, numerics, realm) = match node {
+        Some(node) => (
+            node.params(),
+            node.spec.name,
+            node.spec.version,
+            node.spec.numerics.clone(),
+            node.node.realm(),
+        ),
         None => {
             let input = &graph.inputs()[site as usize];
-            let version = input.loader.as_ref().map_or(0, |loader| loader.version);
-            (input.params(), input.value_type.name, version, "cpu".to_string())
+            let loader = input.loader.as_deref();
+            (
+                input.params(),
+                input.value_type.name,
+                loader.map_or(0, |loader| loader.version),
+                loader.map(|loader| loader.numerics.clone()).unwrap_or_default(),
+                "cpu".to_string(),
+            )
         }
     };
     NodeReport {
@@ -219,6 +231,7 @@ fn node_report(machine: &Machine<'_>, site: u32, left_out: &[Option<String>]) ->
         status,
         reason,
         node_version: version,
+        numerics,
         realm,
         source: match given {
             Some(Given::Source { source, .. }) => Some(source.name()),

@@ -105,22 +105,22 @@ impl Planner<'_> {
                 }
             }
             self.machine.settle_agenda();
-            let pending: Vec<u32> = (0..self.machine.slots.len() as u32)
-                .filter(|slot| pending(self.machine.slots[*slot as usize].phase) && !self.decided.contains_key(slot))
-                .collect();
-            if pending.is_empty() && self.machine.urgent.is_empty() {
+            if from == self.machine.begun.len() && self.machine.urgent.is_empty() {
                 return;
             }
-            for slot in pending {
+            let begun = self.machine.begun.split_off(from);
+            self.machine.begun.extend(&begun);
+            from = self.machine.begun.len();
+            for slot in begun {
+                if !pending(self.machine.slots[slot as usize].phase) || self.decided.contains_key(&slot) {
+                    continue;
+                }
                 let decided = self.decide(slot);
                 for wire in self.machine.wires(slot, decided.demanded) {
                     self.machine.request(wire.from);
                 }
                 self.decided.insert(slot, decided);
             }
-            // Every turn decides new slots or answers loads, of which each slot has one at most.
-            from += 1;
-            debug_assert!(from <= 2 * self.machine.slots.len() + 2, "the plan does not settle");
         }
     }
 

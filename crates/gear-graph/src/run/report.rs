@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::{ParamValues, Summary};
+use crate::{Numerics, ParamValues, Summary};
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -82,6 +82,8 @@ pub struct NodeReport {
     pub reason: Option<String>,
     /// Version of the node type or loader.
     pub node_version: u32,
+    /// The numerics that its bits depend on besides the version.
+    pub numerics: Vec<Numerics>,
     /// Where its bits are valid.
     pub realm: String,
     /// The file or sample that an input was read from.

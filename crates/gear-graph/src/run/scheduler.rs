@@ -65,6 +65,7 @@ struct Scheduler<'r> {
     out: Vec<Out>,
     number: u64,
     flushed: Instant,
+    memory: memory::Sampler,
 }
 
 pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>) -> Outcome<'g> {
@@ -80,6 +81,7 @@ pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>) -> Outcome<'g> {
         out: Vec::new(),
         number: 0,
         flushed: Instant::now(),
+        memory: memory::Sampler::new(),
     };
     scheduler.tell(&Event::Started {
         sites: run.graph.sites(),
@@ -88,6 +90,10 @@ pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>) -> Outcome<'g> {
     let interrupted = scheduler.work(&receiver);
     if let Some(store) = &run.store {
         store.flush();
+        if let Err(error) = store.gc_if_full() {
+            let warning = format!("the store {} cannot be kept small ({error})", store.path().display());
+            scheduler.machine.warnings.push(warning);
+        }
         scheduler.machine.warnings.extend(store.warnings());
     }
     scheduler.tell_happened();
@@ -205,7 +211,7 @@ impl Scheduler<'_> {
         };
         self.out.push(Out {
             number,
-            peak: memory::resident().unwrap_or(0),
+            peak: self.memory.resident(),
             bytes,
         });
         let (store, sender) = (self.run.store.clone(), self.sender.clone());
@@ -274,10 +280,9 @@ impl Scheduler<'_> {
 
     /// Takes the memory of the process now as part of the peak of everything that runs.
     fn sample(&mut self) {
-        if let Some(now) = memory::resident() {
-            for out in &mut self.out {
-                out.peak = out.peak.max(now);
-            }
+        let now = self.memory.resident();
+        for out in &mut self.out {
+            out.peak = out.peak.max(now);
         }
     }
 

@@ -39,6 +39,9 @@ pub struct Collected {
 /// Files that belong to nobody are left alone for so long: another process may be about to record them.
 const GRACE: Duration = Duration::from_secs(3600);
 
+/// The log is read as a whole by every process; beyond this size it is rewritten, and half of it dropped at most.
+const LOG_LIMIT: u64 = 128 << 20;
+
 struct Kept {
     path: PathBuf,
     bytes: u64,
@@ -60,14 +63,14 @@ impl Store {
         }
     }
 
-    /// Collects garbage if the store has grown beyond `limit` bytes, as far as this process knows.
-    pub fn gc_if_above(&self, limit: u64) -> io::Result<Option<Collected>> {
+    /// Collects garbage if the store has grown beyond its limit, as far as this process knows.
+    pub fn gc_if_full(&self) -> io::Result<Option<Collected>> {
         let inner = self.inner();
-        if inner.read_only || inner.bytes <= limit {
+        if inner.read_only || (inner.bytes <= self.limit && inner.log.len() <= LOG_LIMIT) {
             return Ok(None);
         }
         drop(inner);
-        let collected = self.gc(limit)?;
+        let collected = self.gc(self.limit)?;
         self.inner().bytes = collected.left;
         Ok(Some(collected))
     }
@@ -121,7 +124,7 @@ impl Store {
             remove(&content.path, content.bytes, &mut collected);
         }
         let before = fs::metadata(log::path(&self.root)).map_or(0, |meta| meta.len());
-        let after = self.rewrite(records, limit / 4)?;
+        let after = self.rewrite(records, (limit / 4).min(LOG_LIMIT / 2))?;
         collected.left = total - before + after;
         Ok(collected)
     }

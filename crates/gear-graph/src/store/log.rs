@@ -44,7 +44,8 @@ pub struct Log {
     by_value: Index,
     /// Everything before this offset is on disk.
     written: usize,
-    contents: u64,
+    /// Sizes of the contents in files, by checksum.
+    contents: HashMap<Digest, u64, BuildHasherDefault<FirstBytes>>,
 }
 
 impl Log {
@@ -71,7 +72,7 @@ impl Log {
             bytes,
             by_key: Index::default(),
             by_value: Index::default(),
-            contents: 0,
+            contents: HashMap::default(),
         };
         log.by_key.reserve(frames.len());
         for frame in frames {
@@ -103,7 +104,9 @@ impl Log {
             let size = payload
                 .get(content_at + 33..content_at + 41)
                 .and_then(|bytes| bytes.first_chunk());
-            self.contents += size.map_or(0, |bytes| u64::from_le_bytes(*bytes));
+            if let (Some(checksum), Some(bytes)) = (digest(content_at + 1), size) {
+                self.contents.insert(checksum, u64::from_le_bytes(*bytes));
+            }
         }
     }
 
@@ -128,10 +131,14 @@ impl Log {
         self.index(frame);
     }
 
-    /// Bytes of the log and of the contents that it mentions (the same content mentioned twice counts twice: an
-    /// upper bound, which `gc` makes exact).
+    /// Bytes of the log.
+    pub fn len(&self) -> u64 {
+        self.bytes.len() as u64
+    }
+
+    /// Bytes of the log and of the contents that it mentions, some of which may have been removed.
     pub fn bytes(&self) -> u64 {
-        self.bytes.len() as u64 + self.contents
+        self.len() + self.contents.values().sum::<u64>()
     }
 
     pub fn pending_bytes(&self) -> usize {

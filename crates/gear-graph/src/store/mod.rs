@@ -51,6 +51,9 @@ use crate::{AnyValue, Digest, Hasher, ValueType};
 use contents::Contents;
 use log::Log;
 
+/// Bytes that a store takes at most, if nothing else is said.
+pub const DEFAULT_STORE_LIMIT: u64 = 8 << 30;
+
 /// Bytes up to which an encoded value stands in its record.
 const INLINE: usize = 4096;
 
@@ -58,6 +61,7 @@ const INLINE: usize = 4096;
 /// cannot be written is lost, and [`Store::warnings`] says so.
 pub struct Store {
     root: PathBuf,
+    limit: u64,
     contents: Contents,
     inner: Mutex<Inner>,
 }
@@ -89,6 +93,7 @@ impl Store {
         Self {
             contents: Contents::new(&root),
             root,
+            limit: DEFAULT_STORE_LIMIT,
             inner: Mutex::new(Inner {
                 log,
                 warnings,
@@ -96,6 +101,12 @@ impl Store {
                 bytes,
             }),
         }
+    }
+
+    /// Sets the bytes that the store takes at most; above it, a run ends with a collection ([`Store::gc`]).
+    pub fn with_limit(mut self, bytes: u64) -> Self {
+        self.limit = bytes;
+        self
     }
 
     /// The platform's folder for the store: `$GEAR_STORE`, or `gear` in the cache folder of the user.

@@ -195,7 +195,9 @@ fn collection_removes_what_is_cheap_per_byte_and_keeps_its_digest() {
     assert!(value_at(&store, &cheap).is_none());
     assert!(store.lookup(&cheap).is_some(), "still known by its digest");
     assert!(store.stat().content_bytes <= 14_000);
-    assert_eq!(store.gc_if_above(1 << 30).unwrap(), None);
+    assert_eq!(store.gc_if_full().unwrap(), None);
+    let small = Store::open(dir.path()).with_limit(1000);
+    assert_eq!(small.gc_if_full().unwrap().unwrap().files, 1);
 }
 
 #[test]

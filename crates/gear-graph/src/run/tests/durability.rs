@@ -42,6 +42,35 @@ fn a_store_that_breaks_during_the_run_changes_no_result() {
 }
 
 #[test]
+fn a_store_that_cannot_be_written_still_serves_what_it_has() {
+    let (graph, shelf) = (graph(BODY), Shelf::new());
+    run(&graph, shelf.open()).go().unwrap();
+    // As a read-only store behaves, also for root: nothing temporary can be made.
+    std::fs::remove_dir_all(shelf.path().join("tmp")).unwrap();
+    std::fs::write(shelf.path().join("tmp"), "in the way").unwrap();
+    let warm = run(&graph, shelf.open()).go().unwrap();
+    assert_eq!(warm.report.ran(), [""; 0]);
+    assert_eq!(warm.report.warnings.len(), 1, "{:?}", warm.report.warnings);
+    assert!(warm.value("large").is_some());
+    let changed = graph_set(BODY, &["last.plus=1"]);
+    let outcome = run(&changed, shelf.open()).go().unwrap();
+    assert_eq!(number(&outcome, "length"), 20_001.0);
+}
+
+#[test]
+fn a_full_store_is_collected_at_the_end_of_a_run() {
+    let (graph, shelf) = (graph(BODY), Shelf::new());
+    let first = run(&graph, Arc::new(Store::open(shelf.path()).with_limit(30_000)))
+        .go()
+        .unwrap();
+    assert!(shelf.open().stat().content_bytes <= 27_000, "{:?}", shelf.open().stat());
+    let warm = run(&graph, shelf.open()).go().unwrap();
+    assert_eq!(warm.report.ran(), [""; 0], "digests stay");
+    assert_eq!(warm.digest("large"), first.digest("large"));
+    assert!(warm.value("large").is_some(), "and values come back");
+}
+
+#[test]
 fn contents_lost_in_a_chain_are_computed_again_from_the_start() {
     let (graph, shelf) = (graph(BODY), Shelf::new());
     let first = run(&graph, shelf.open()).go().unwrap();
