@@ -64,7 +64,12 @@ impl<'a> Lift<'a> {
         let normal = down.cross(right).normalize_or(Vec3::Z) * side;
         let long = large.sqrt();
         let short = (0.5 * (a + c - root)).max(0.0).sqrt().max(1e-3 * self.unit);
-        let size = settings.cover * block.size as f32;
+        let cover = if block.size == 1 {
+            settings.cover_pixel
+        } else {
+            settings.cover
+        };
+        let size = cover * block.size as f32;
         Spot {
             center,
             rotation: rotation(axis, normal),

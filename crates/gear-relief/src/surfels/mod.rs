@@ -34,8 +34,10 @@ pub struct SurfelSettings {
     pub back: f32,
     /// Thickness of a relief's board below its lowest point, as a share of the longer side.
     pub board: f32,
-    /// σ of a surfel in its plane, in block sizes.
+    /// σ of a surfel in its plane, in block sizes; below .55 the grid of the blocks shows through.
     pub cover: f32,
+    /// The same for blocks of a single pixel, which the rasteriser's screen filter widens: more only blurs.
+    pub cover_pixel: f32,
     /// σ across the surface, in pixels.
     pub thin: f32,
     /// Opacity of every surfel.
@@ -60,6 +62,7 @@ impl Default for SurfelSettings {
             back: 0.6,
             board: 0.02,
             cover: 0.6,
+            cover_pixel: 0.5,
             thin: 0.15,
             opacity: 0.99,
             plane_tolerance: 0.25,
