@@ -59,41 +59,46 @@ pub(crate) fn convolve_line(line: &[f32], out: &mut [f32], half: &[f32], stride:
     }
 }
 
-/// out = Σ_k w_k·(row[y−k] + row[y+k]), `rows` mirrored at the rim.
+/// Output rows that the vertical pass makes together.
+const BAND: usize = 32;
+
+/// Rows first, first + 1, … of out = Σ_k w_k·(row[y−k] + row[y+k]), mirrored at the rim, as many as `out` holds.
+///
+/// A column of tiles, as high as the band and its margins, is copied together first: rows lie a multiple of the page
+/// size apart in most pictures, and summing them in place would fight over a few lines of the cache.
 #[multiversion(targets = "simd")]
-fn convolve_column(data: &[f32], stride: usize, height: usize, y: usize, out: &mut [f32], half: &[f32]) {
-    let pair = |k: usize| {
-        let above = reflect(y as isize - k as isize, height) * stride;
-        let below = reflect(y as isize + k as isize, height) * stride;
-        (above, below)
-    };
-    let mut start = 0;
-    let mut tiles = out.chunks_exact_mut(TILE);
-    for tile in &mut tiles {
-        let mut acc = [0.0f32; TILE];
-        let middle = &data[y * stride + start..][..TILE];
-        for i in 0..TILE {
-            acc[i] = half[0] * middle[i];
+fn convolve_columns(
+    data: &[f32],
+    stride: usize,
+    height: usize,
+    first: usize,
+    half: &[f32],
+    column: &mut Vec<[f32; TILE]>,
+    out: &mut [f32],
+) {
+    let radius = half.len() - 1;
+    let rows = out.len() / stride;
+    column.resize(rows + 2 * radius, [0.0; TILE]);
+    for x in (0..stride).step_by(TILE) {
+        let n = TILE.min(stride - x);
+        for (i, tile) in column.iter_mut().enumerate() {
+            let y = reflect((first + i) as isize - radius as isize, height);
+            tile[..n].copy_from_slice(&data[y * stride + x..][..n]);
         }
-        for k in 1..half.len() {
-            let (above, below) = pair(k);
-            let above = &data[above + start..][..TILE];
-            let below = &data[below + start..][..TILE];
+        for (y, out) in out.chunks_exact_mut(stride).enumerate() {
+            let centre = y + radius;
+            let mut acc = [0.0f32; TILE];
             for i in 0..TILE {
-                acc[i] += half[k] * (above[i] + below[i]);
+                acc[i] = half[0] * column[centre][i];
             }
+            for k in 1..=radius {
+                let (above, below) = (&column[centre - k], &column[centre + k]);
+                for i in 0..TILE {
+                    acc[i] += half[k] * (above[i] + below[i]);
+                }
+            }
+            out[x..x + n].copy_from_slice(&acc[..n]);
         }
-        tile.copy_from_slice(&acc);
-        start += TILE;
-    }
-    for out in tiles.into_remainder() {
-        let mut acc = half[0] * data[y * stride + start];
-        for k in 1..half.len() {
-            let (above, below) = pair(k);
-            acc += half[k] * (data[above + start] + data[below + start]);
-        }
-        *out = acc;
-        start += 1;
     }
 }
 
@@ -131,9 +136,11 @@ fn blur(data: &[f32], width: usize, height: usize, channels: usize, sigma: f64) 
     let stride = width * channels;
     let across = blur_rows(data, stride, channels, &half);
     let mut out = vec![0.0f32; data.len()];
-    out.par_chunks_mut(stride)
+    out.par_chunks_mut(BAND * stride)
         .enumerate()
-        .for_each(|(y, out)| convolve_column(&across, stride, height, y, out, &half));
+        .for_each_init(Vec::new, |column, (band, out)| {
+            convolve_columns(&across, stride, height, band * BAND, &half, column, out);
+        });
     out
 }
 
@@ -176,12 +183,16 @@ pub fn blurred_light_rows<T: Send>(
             convolve_line(line, out, &half, 3);
         },
     );
-    out.par_chunks_mut(width).enumerate().for_each_init(
-        || (vec![[0.0; 3]; width], vec![0.0; stride]),
-        |(light, row), (y, out)| {
-            decode(y, light);
-            convolve_column(&across, stride, height, y, row, &half);
-            f(y, light, row, out);
+    out.par_chunks_mut(BAND * width).enumerate().for_each_init(
+        || (vec![[0.0; 3]; width], Vec::new(), vec![0.0; BAND * stride]),
+        |(light, column, blurred), (band, out)| {
+            let blurred = &mut blurred[..out.len() * 3];
+            convolve_columns(&across, stride, height, band * BAND, &half, column, blurred);
+            for (i, (out, blurred)) in out.chunks_mut(width).zip(blurred.chunks(stride)).enumerate() {
+                let y = band * BAND + i;
+                decode(y, light);
+                f(y, light, blurred, out);
+            }
         },
     );
 }
