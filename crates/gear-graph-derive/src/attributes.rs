@@ -14,11 +14,11 @@ pub fn doc(attributes: &[Attribute]) -> String {
                 lit: Lit::Str(text), ..
             }) = &pair.value
         {
-            lines.extend(
-                text.value()
-                    .lines()
-                    .map(|line| line.strip_prefix(' ').unwrap_or(line).trim_end().to_string()),
-            );
+            let text = text.value();
+            // `lines` of an empty text gives nothing, but an empty line parts paragraphs.
+            for line in text.split('\n') {
+                lines.push(line.strip_prefix(' ').unwrap_or(line).trim_end().to_string());
+            }
         }
     }
     lines.join("\n").trim().to_string()

@@ -123,3 +123,6 @@ pub trait Param: Clone + Sized {
     /// The value, in the form in which it is read.
     fn write(&self) -> ParamValue;
 }
+
+#[cfg(test)]
+mod tests;

@@ -37,9 +37,10 @@ impl Tree {
             TreeKind::Null => "nothing".into(),
             TreeKind::Bool(b) => format!("`{b}`"),
             TreeKind::Integer(i) => format!("`{i}`"),
+            TreeKind::Float(f) if f.is_finite() && f.abs() >= 1e15 => format!("`{f:e}`"),
             TreeKind::Float(f) => format!("`{f}`"),
             TreeKind::Text(text) => format!("the text `{text}`"),
-            TreeKind::List(_) => "a list".into(),
+            TreeKind::List(items) => format!("a list of {}", items.len()),
             TreeKind::Map(_) => "a map".into(),
         }
     }
