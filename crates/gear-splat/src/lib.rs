@@ -9,6 +9,7 @@ pub mod cpu;
 pub mod formats;
 pub mod orbit;
 pub mod reference;
+pub mod refine;
 pub mod render;
 mod scene;
 pub mod sh;

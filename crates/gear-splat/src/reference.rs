@@ -188,8 +188,7 @@ fn pixel(seen: &[Seen], at: DVec2, options: &RenderOptions, out: &mut Reference)
         }
         let d = at - g.mean;
         let alpha = (g.opacity * libm::exp(-0.5 * d.dot(g.conic * d))).min(f64::from(ALPHA_MAX));
-        // NaN counts as not covered.
-        if !(alpha >= f64::from(ALPHA_MIN)) {
+        if alpha.is_nan() || alpha < f64::from(ALPHA_MIN) {
             continue;
         }
         let w = alpha * transmittance;

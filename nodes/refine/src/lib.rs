@@ -1,1 +1,199 @@
-//! The node refine
+//! Refines a scene against target views, held to the geometry that it came with.
+//!
+//! Minimises  Σ_views mean_W[(1 − λ_s)|R − T|₁ + λ_s (1 − SSIM)] + λ Σ_a w_a mean‖x_a − x⁰_a‖²  over the attributes of
+//! all Gaussians (paper, Eq. 9–10; GaussianEditor's anchor). Adam follows the data term; the anchor is taken implicitly in
+//! Adam's own metric, x⁺ = (P ŷ + ημ x⁰)/(P + ημ), which is stable for any weight. First only colours move, then
+//! everything. The best scene that was seen is the result. See `gear_splat::refine`.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use gear_graph::{Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Want, Wanted};
+use gear_splat::refine::{Rates, RefineError, RefineOptions, Refined, Status, Step, refine};
+use gear_splat::{Scene, Views};
+use serde_json::{Value, json};
+
+/// Fits a scene to target views without letting it drift from where it started.
+#[derive(Clone, Debug, Params)]
+pub struct Refine {
+    /// Steps in which only colours move.
+    #[param(default = 30, range = 0..=100_000)]
+    pub color_iterations: u32,
+
+    /// Steps in which everything moves.
+    #[param(default = 270, range = 0..=100_000)]
+    pub iterations: u32,
+
+    /// Views looked at in each step; the canonical view comes every other time.
+    #[param(default = 1, range = 1..=1000)]
+    pub views_per_step: u32,
+
+    /// Share of structural similarity in the data term; the rest is absolute difference.
+    #[param(default = 0.2, range = 0.0..=1.0)]
+    pub ssim: f64,
+
+    /// Weight of the anchor. 0 lets the scene go, a huge one returns it as it came.
+    #[param(default = 1.0, range = 0.0..=1e30)]
+    pub anchor: f64,
+
+    /// The anchor's weight for centres, per squared typical surfel.
+    #[param(default = 0.05, range = 0.0..=1e30)]
+    pub anchor_center: f64,
+
+    /// The anchor's weight for rotations (quaternions).
+    #[param(default = 1.0, range = 0.0..=1e30)]
+    pub anchor_rotation: f64,
+
+    /// The anchor's weight for the logarithms of scales.
+    #[param(default = 0.05, range = 0.0..=1e30)]
+    pub anchor_scale: f64,
+
+    /// The anchor's weight for the logits of opacities.
+    #[param(default = 0.05, range = 0.0..=1e30)]
+    pub anchor_opacity: f64,
+
+    /// The anchor's weight for SH coefficients.
+    #[param(default = 0.002, range = 0.0..=1e30)]
+    pub anchor_color: f64,
+
+    /// Factor of all step sizes.
+    #[param(default = 1.0, above = 0.0, range = 0.0..=1000.0)]
+    pub rate: f64,
+
+    /// Steps between looks at the loss on all views.
+    #[param(default = 25, range = 1..=100_000)]
+    pub check_every: u32,
+
+    /// A phase ends when the loss fell by less than this share between two looks.
+    #[param(default = 1e-4, range = 0.0..=1.0)]
+    pub tolerance: f64,
+}
+
+/// Input ports.
+#[derive(Inputs)]
+pub struct In {
+    /// The scene, which is also the anchor.
+    pub scene: Arc<Scene>,
+    /// What its views should look like, with a weight for each pixel. Without weights, covered pixels count.
+    pub targets: Arc<Views>,
+}
+
+/// Output ports.
+#[derive(Outputs)]
+pub struct Out {
+    /// The refined scene.
+    pub scene: Wanted<Scene>,
+    /// The loss over the steps, fidelity before and after, and why it ended.
+    pub curve: Wanted<Report>,
+}
+
+impl Node for Refine {
+    const NAME: &str = "Refine";
+    const VERSION: u32 = 1;
+    type Inputs = In;
+    type Outputs = Out;
+
+    fn run(&self, inputs: In, want: &Want, ctx: &Context) -> Result<Out, NodeError> {
+        let (scene, targets) = (inputs.scene, inputs.targets);
+        scene.validate().map_err(|e| NodeError::input("scene", e.to_string()))?;
+        let (valid, dropped) = scene.without_invalid();
+        if dropped > 0 {
+            ctx.note(format!("{dropped} Gaussians were not finite and are left out"));
+        }
+        let refined = refine(&valid, &targets, &self.options(), &mut |step| observe(step, ctx));
+        let refined = refined.map_err(|error| match error {
+            RefineError::Interrupted => NodeError::Cancelled,
+            RefineError::Scene(e) => NodeError::input("scene", e.to_string()),
+            RefineError::View { .. } => NodeError::input("targets", error.to_string()),
+        })?;
+        tell(&refined, ctx);
+        let report = want.try_compute("curve", || Report::new(report(&refined, &targets)))?;
+        Ok(Out {
+            scene: want.compute("scene", || refined.scene),
+            curve: report,
+        })
+    }
+}
+
+impl Refine {
+    fn options(&self) -> RefineOptions {
+        let base = RefineOptions::default();
+        RefineOptions {
+            color_iterations: self.color_iterations as usize,
+            iterations: self.iterations as usize,
+            views_per_step: self.views_per_step as usize,
+            ssim: self.ssim,
+            anchor: self.anchor,
+            anchor_weights: Rates {
+                center: self.anchor_center,
+                rotation: self.anchor_rotation,
+                scale: self.anchor_scale,
+                opacity: self.anchor_opacity,
+                color: self.anchor_color,
+            },
+            rates: base.rates.scaled(self.rate),
+            check_every: self.check_every as usize,
+            tolerance: self.tolerance,
+            render: base.render,
+        }
+    }
+}
+
+fn observe(step: Step, ctx: &Context) -> ControlFlow<()> {
+    let done = step.iteration as f64 / step.total.max(1) as f64;
+    ctx.progress_with(done, format!("loss {:.4}", step.loss));
+    if ctx.is_cancelled() {
+        ControlFlow::Break(())
+    } else {
+        ControlFlow::Continue(())
+    }
+}
+
+fn tell(refined: &Refined, ctx: &Context) {
+    match refined.status {
+        Status::NotFinite => ctx.note("the loss was not a number; the best scene before that is kept"),
+        Status::NothingToFit => ctx.note("no target has a pixel with a weight; the scene is as it came"),
+        Status::Converged | Status::Finished => {}
+    }
+    if refined.skipped > 0 {
+        ctx.note(format!(
+            "{} gradients were not finite and were skipped",
+            refined.skipped
+        ));
+    }
+}
+
+fn report(refined: &Refined, targets: &Views) -> Value {
+    let status = match refined.status {
+        Status::Converged => "converged",
+        Status::Finished => "finished",
+        Status::NotFinite => "not finite",
+        Status::NothingToFit => "nothing to fit",
+    };
+    let curve: Vec<Value> = refined
+        .curve
+        .iter()
+        .map(|p| json!({"iteration": p.iteration, "loss": p.loss, "data": p.data, "anchor": p.anchor}))
+        .collect();
+    // Views without any weight are no targets; the others keep their order.
+    let fidelity: Vec<Value> = refined
+        .fidelity
+        .iter()
+        .map(|p| json!({"view": targets.views.get(p.view).map(|v| &v.name), "psnr_before": p.before, "psnr_after": p.after}))
+        .collect();
+    json!({
+        "status": status,
+        "best_iteration": refined.best_iteration,
+        "skipped_gradients": refined.skipped,
+        "curve": curve,
+        "fidelity": fidelity,
+    })
+}
+
+/// Adds the node to a registry.
+pub fn register(registry: &mut Registry) {
+    registry.node::<Refine>();
+}
+
+#[cfg(test)]
+mod tests;

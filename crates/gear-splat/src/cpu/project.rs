@@ -187,8 +187,7 @@ impl View {
         let footprint = self.footprint(scene, i)?;
         let opacity = sigmoid(f64::from(scene.opacity_logits[i])) * self.compensation(&footprint);
         let cutoff = 2.0 * libm::log(255.0 * opacity);
-        // NaN counts as not seen.
-        if !(cutoff >= 0.0) {
+        if cutoff.is_nan() || cutoff < 0.0 {
             return None;
         }
         let [xx, xy, yy] = footprint.covariance;

@@ -120,7 +120,7 @@ fn gradients_of_the_anti_aliased_mode_agree() {
 fn gradients_of_unnormalised_quaternions_agree() {
     let mut scene = cloud(6, 14, 0.03, 0.2, 0);
     for (i, q) in scene.rotations.iter_mut().enumerate() {
-        *q = *q * (0.5 + i as f32);
+        *q *= 0.5 + i as f32;
     }
     assert_gradients(&scene, &cameras(20, 20)[1], &RenderOptions::default());
 }

@@ -1,5 +1,7 @@
 //! The fast rasteriser against the f64 reference: pictures, gradients, adversarial scenes, determinism.
 
+#![allow(clippy::unwrap_used)] // helpers of tests, outside `#[test]` functions
+
 mod agreement;
 mod determinism;
 mod extremes;

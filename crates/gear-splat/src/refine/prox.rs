@@ -1,0 +1,258 @@
+//! One coordinate of Adam with an implicit anchor.
+//!
+//! Adam's moments (m, v) follow the gradient of the data term only. Its step divides by P = √v̂ + ε, that is, it
+//! measures lengths in the metric D = P/η. The anchor ½μ(x − x⁰)² is added by its proximal step in that same metric,
+//!
+//! ```text
+//! ŷ  = x − η m̂ / P
+//! x⁺ = argmin ½D(x − ŷ)² + ½μ(x − x⁰)² = (P ŷ + ημ x⁰) / (P + ημ).
+//! ```
+//!
+//! Fixed points satisfy g + μ(x − x⁰) = 0, the true stationarity. The factor P/(P + ημ) lies in (0, 1] for every μ ≥ 0:
+//! the step is stable for any anchor, μ → ∞ gives x⁰ exactly and μ = 0 gives Adam. With another metric,
+//! (ŷ + ημ x⁰)/(1 + ημ), the fixed point is g/P + μ(x − x⁰) = 0: a different problem.
+
+/// Decay of the first moment.
+pub const BETA1: f64 = 0.9;
+/// Decay of the second moment.
+pub const BETA2: f64 = 0.99;
+
+/// What all coordinates of an attribute share in one step.
+#[derive(Clone, Copy, Debug)]
+pub struct ProxAdam {
+    rate: f64,
+    mu: f64,
+    epsilon: f64,
+    correction1: f64,
+    correction2: f64,
+}
+
+impl ProxAdam {
+    /// Step number `t` (from 1) with step size `rate` (η) and anchor curvature `mu` (μ). `epsilon` is added to √v̂.
+    pub fn new(t: usize, rate: f64, mu: f64, epsilon: f64) -> Self {
+        Self {
+            rate,
+            mu,
+            epsilon,
+            correction1: 1.0 - libm::pow(BETA1, t as f64),
+            correction2: 1.0 - libm::pow(BETA2, t as f64),
+        }
+    }
+
+    /// Where `x` goes, given the data gradient there; updates the moments.
+    #[inline]
+    pub fn step(&self, x: f64, anchor: f64, gradient: f64, m: &mut f64, v: &mut f64) -> f64 {
+        *m = BETA1 * *m + (1.0 - BETA1) * gradient;
+        *v = BETA2 * *v + (1.0 - BETA2) * gradient * gradient;
+        let p = (*v / self.correction2).sqrt() + self.epsilon;
+        let y = x - self.rate * (*m / self.correction1) / p;
+        metric_prox(y, p, self.rate * self.mu, anchor)
+    }
+}
+
+/// (P ŷ + s x⁰) / (P + s), written so that s = 0 gives ŷ and s → ∞ gives x⁰, both exactly.
+#[inline]
+pub fn metric_prox(y: f64, p: f64, s: f64, anchor: f64) -> f64 {
+    if s == 0.0 {
+        return y;
+    }
+    if s == f64::INFINITY {
+        return anchor;
+    }
+    anchor + (y - anchor) * (p / (p + s))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// SplitMix64 and Box–Muller.
+    struct Random(u64);
+
+    impl Random {
+        fn uniform(&mut self) -> f64 {
+            self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+            let mut z = self.0;
+            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            (((z ^ (z >> 31)) >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+        }
+
+        fn normal(&mut self) -> f64 {
+            let radius = (-2.0 * libm::log(self.uniform())).sqrt();
+            radius * libm::cos(2.0 * std::f64::consts::PI * self.uniform())
+        }
+    }
+
+    const N: usize = 200;
+    const RATE: f64 = 0.0125;
+
+    /// A splat-like toy: Σ c (√((x − t)² + 1e-4) − 1e-2) / n + λ Σ (x − x⁰)² / n, curvatures c over four decades, noisy
+    /// gradients.
+    struct Toy {
+        start: Vec<f64>,
+        target: Vec<f64>,
+        curvature: Vec<f64>,
+        noise: Random,
+    }
+
+    impl Toy {
+        fn new() -> Self {
+            let mut random = Random(0);
+            let start: Vec<f64> = (0..N).map(|_| random.normal()).collect();
+            let target = start.iter().map(|x| x + 0.5 * random.normal()).collect();
+            let curvature = (0..N).map(|_| libm::pow(10.0, 4.0 * random.uniform() - 2.0)).collect();
+            Self {
+                start,
+                target,
+                curvature,
+                noise: random,
+            }
+        }
+
+        fn slope(&self, i: usize, x: f64) -> f64 {
+            let d = x - self.target[i];
+            self.curvature[i] * d / (d * d + 1e-4).sqrt() / N as f64
+        }
+
+        fn noisy_slope(&mut self, i: usize, x: f64) -> f64 {
+            self.slope(i, x) + 0.05 * self.noise.normal() / N as f64 * self.curvature[i]
+        }
+
+        /// The minimiser, by bisection on the monotone derivative.
+        fn minimiser(&self, lambda: f64) -> Vec<f64> {
+            let at = |i: usize| {
+                let (a, b) = (self.start[i], self.target[i]);
+                let (mut low, mut high) = (a.min(b) - 1.0, a.max(b) + 1.0);
+                for _ in 0..200 {
+                    let middle = 0.5 * (low + high);
+                    let slope = self.slope(i, middle) + 2.0 * lambda * (middle - a) / N as f64;
+                    if slope < 0.0 { low = middle } else { high = middle }
+                }
+                0.5 * (low + high)
+            };
+            (0..N).map(at).collect()
+        }
+    }
+
+    #[derive(Clone, Copy, PartialEq, Debug)]
+    enum Method {
+        ExplicitSgd,
+        AdamWithAnchor,
+        UnitMetricProx,
+        MetricProx,
+    }
+
+    /// Root mean square distance to the minimiser after 400 steps; infinite when it diverged.
+    fn distance(lambda: f64, method: Method) -> f64 {
+        let mut toy = Toy::new();
+        let exact = toy.minimiser(lambda);
+        let mut x = toy.start.clone();
+        let (mut m, mut v) = (vec![0.0; N], vec![0.0; N]);
+        let mu = 2.0 * lambda / N as f64;
+        let epsilon = 1e-8 / N as f64;
+        for t in 1..=400 {
+            let adam = ProxAdam::new(t, RATE, 0.0, epsilon);
+            let ours = ProxAdam::new(t, RATE, mu, epsilon);
+            for i in 0..N {
+                let data = toy.noisy_slope(i, x[i]);
+                let anchor = toy.start[i];
+                let pull = mu * (x[i] - anchor);
+                x[i] = match method {
+                    Method::ExplicitSgd => x[i] - RATE * (data + pull),
+                    Method::AdamWithAnchor => adam.step(x[i], anchor, data + pull, &mut m[i], &mut v[i]),
+                    Method::UnitMetricProx => {
+                        let y = adam.step(x[i], anchor, data, &mut m[i], &mut v[i]);
+                        (y + RATE * mu * anchor) / (1.0 + RATE * mu)
+                    }
+                    Method::MetricProx => ours.step(x[i], anchor, data, &mut m[i], &mut v[i]),
+                };
+            }
+        }
+        let square: f64 = x.iter().zip(&exact).map(|(a, b)| (a - b) * (a - b)).sum();
+        let rms = (square / N as f64).sqrt();
+        if rms.is_finite() { rms } else { f64::INFINITY }
+    }
+
+    /// Errors of order of the prototype's: within a factor of four either way (other random numbers).
+    fn is_about(found: f64, expected: f64) -> bool {
+        found < 4.0 * expected && found > expected / 4.0
+    }
+
+    #[test]
+    fn the_metric_prox_is_accurate_for_every_anchor_weight() {
+        for (lambda, expected) in [
+            (1.0, 9.8e-4),
+            (50.0, 6.9e-4),
+            (1e3, 1.2e-4),
+            (1e6, 1.3e-7),
+            (1e12, 1.3e-13),
+        ] {
+            let found = distance(lambda, Method::MetricProx);
+            assert!(
+                is_about(found, expected),
+                "λ = {lambda:e}: {found:e}, expected about {expected:e}"
+            );
+        }
+        for lambda in [0.0, 1e-2] {
+            assert!(distance(lambda, Method::MetricProx) < 0.2, "λ = {lambda:e}");
+        }
+    }
+
+    #[test]
+    fn explicit_descent_diverges_with_a_stiff_anchor() {
+        for lambda in [1e6, 1e12] {
+            assert!(distance(lambda, Method::ExplicitSgd) > 1e6);
+        }
+        for (lambda, expected) in [(1.0, 2.6e-1), (50.0, 7.8e-3), (1e3, 1.4e-4)] {
+            let found = distance(lambda, Method::ExplicitSgd);
+            assert!(
+                is_about(found, expected),
+                "λ = {lambda:e}: {found:e}, expected about {expected:e}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_anchor_inside_adam_is_stable_and_less_accurate() {
+        for (lambda, expected) in [
+            (1.0, 3.3e-3),
+            (50.0, 3.2e-3),
+            (1e3, 9.2e-4),
+            (1e6, 5.2e-6),
+            (1e12, 6.6e-12),
+        ] {
+            let found = distance(lambda, Method::AdamWithAnchor);
+            assert!(
+                is_about(found, expected),
+                "λ = {lambda:e}: {found:e}, expected about {expected:e}"
+            );
+            assert!(found > 2.0 * distance(lambda, Method::MetricProx));
+        }
+    }
+
+    #[test]
+    fn the_unit_metric_solves_another_problem() {
+        for (lambda, expected) in [
+            (1.0, 3.0e-1),
+            (50.0, 4.7e-1),
+            (1e3, 9.1e-2),
+            (1e6, 9.6e-5),
+            (1e12, 9.6e-11),
+        ] {
+            let found = distance(lambda, Method::UnitMetricProx);
+            assert!(
+                is_about(found, expected),
+                "λ = {lambda:e}: {found:e}, expected about {expected:e}"
+            );
+            assert!(found > 50.0 * distance(lambda, Method::MetricProx));
+        }
+    }
+
+    #[test]
+    fn the_limits_are_exact() {
+        assert_eq!(metric_prox(0.3, 0.1, 0.0, 0.7), 0.3);
+        assert_eq!(metric_prox(0.3, 0.1, f64::INFINITY, 0.7), 0.7);
+        assert_eq!(metric_prox(0.3, 1e-3, 1e300, 0.7), 0.7);
+    }
+}
