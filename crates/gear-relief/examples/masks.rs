@@ -1,5 +1,6 @@
-//! How good are automatic masks? Prints intersection over union on the samples over three backgrounds, then, for
-//! every picture of the folder in `GEAR_PAINTINGS`, mode and confidence; overlays go to the folder that is given:
+//! How good are automatic masks? For every picture of the folder in `GEAR_PAINTINGS` prints mode and
+//! confidence, then intersection over union on the samples over three backgrounds; overlays go to the folder that is
+//! given:
 //! `cargo run -p gear-relief --example masks -- OUT`.
 
 use std::path::{Path, PathBuf};
@@ -15,6 +16,11 @@ const SIZE: usize = 768;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let out = PathBuf::from(std::env::args().nth(1).ok_or("give the folder to write to")?);
     std::fs::create_dir_all(&out)?;
+    paintings(&out)?;
+    samples(&out)
+}
+
+fn samples(out: &Path) -> Result<(), Box<dyn std::error::Error>> {
     println!(
         "| sample | background | condition | IoU | mode | confidence | s | doubts |\n|---|---|---|---|---|---|---|---|"
     );
@@ -45,10 +51,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
         }
     }
+    Ok(())
+}
+
+fn paintings(out: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let Some(folder) = std::env::var_os("GEAR_PAINTINGS") else {
         return Ok(());
     };
-    println!("\n| painting | mode | confidence | share | s | doubts |\n|---|---|---|---|---|---|");
+    println!("| painting | mode | confidence | share | s | doubts |\n|---|---|---|---|---|---|");
     for path in pictures(Path::new(&folder))? {
         let decoded = image::open(&path)?.to_rgb32f();
         let (w, h) = (decoded.width() as usize, decoded.height() as usize);
@@ -71,6 +81,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         );
         overlay(&out.join(format!("{stem}.png")), &picture, &found)?;
     }
+    println!();
     Ok(())
 }
 

@@ -156,11 +156,14 @@ fn rock(range: &Range, x: f64, down: f64) -> (f64, f64) {
 fn add_range(stage: &mut Stage, range: Range) {
     let shape = free(move |x, y| {
         let down = y - ridge(&range, x);
-        (down > 0.0).then(|| local(x, y, range.base, range.slope * smoothstep(0.0, 0.16, down)))
+        (down > 0.0).then(|| Local {
+            s: down,
+            ..local(x, y, range.base, range.slope * smoothstep(0.0, 0.16, down))
+        })
     });
     stage.add(shape, if range.mist > 0.5 { 0.5 } else { 0.95 }, move |l| {
         let p = Palette::court();
-        let down = l.y - ridge(&range, l.x);
+        let down = l.s;
         let (rock, gully) = rock(&range, l.x, down);
         let crown = smoothstep(0.0, 0.03, down);
         // azurite on the heights, malachite below, ochre at the feet: the blue-and-green manner
@@ -319,6 +322,9 @@ fn pine(stage: &mut Stage, x0: f64, size: f64, ground_seed: u64, seed: u64) {
         stage.add(
             free(move |x, y| {
                 let (u, v) = ((x - cx) / reach, (y - cy) / (0.36 * reach));
+                if u.abs() > 1.2 || v.abs() > 1.2 {
+                    return None;
+                }
                 let lobes = 1.0 + 0.16 * noise(seed + 3 + k as u64, 5.0 * u, 5.0 * v);
                 let r = u * u + if v > 0.0 { 3.0 * v * v } else { v * v };
                 let round = 1.0 - r / (lobes * lobes);
