@@ -73,31 +73,45 @@ fn convolve_columns(
     height: usize,
     first: usize,
     half: &[f32],
-    column: &mut Vec<[f32; TILE]>,
+    column: &mut Vec<f32>,
     out: &mut [f32],
 ) {
     let radius = half.len() - 1;
     let rows = out.len() / stride;
-    column.resize(rows + 2 * radius, [0.0; TILE]);
+    column.resize((rows + 2 * radius) * TILE, 0.0);
     for x in (0..stride).step_by(TILE) {
         let n = TILE.min(stride - x);
-        for (i, tile) in column.iter_mut().enumerate() {
+        for (i, tile) in column.chunks_exact_mut(TILE).enumerate() {
             let y = reflect((first + i) as isize - radius as isize, height);
-            tile[..n].copy_from_slice(&data[y * stride + x..][..n]);
+            let source = &data[y * stride + x..];
+            if n == TILE {
+                tile.copy_from_slice(&source[..TILE]); // of a length that the compiler knows
+            } else {
+                tile[..n].copy_from_slice(&source[..n]);
+            }
         }
+        // Tiles are slices, not arrays: of arrays the compiler unrolls the loops below before it vectorises them,
+        // and then no longer can.
         for (y, out) in out.chunks_exact_mut(stride).enumerate() {
-            let centre = y + radius;
+            let centre = (y + radius) * TILE;
             let mut acc = [0.0f32; TILE];
+            let middle = &column[centre..][..TILE];
             for i in 0..TILE {
-                acc[i] = half[0] * column[centre][i];
+                acc[i] = half[0] * middle[i];
             }
             for k in 1..=radius {
-                let (above, below) = (&column[centre - k], &column[centre + k]);
+                let above = &column[centre - k * TILE..][..TILE];
+                let below = &column[centre + k * TILE..][..TILE];
                 for i in 0..TILE {
                     acc[i] += half[k] * (above[i] + below[i]);
                 }
             }
-            out[x..x + n].copy_from_slice(&acc[..n]);
+            let out = &mut out[x..x + n];
+            if n == TILE {
+                out.copy_from_slice(&acc);
+            } else {
+                out.copy_from_slice(&acc[..n]);
+            }
         }
     }
 }
