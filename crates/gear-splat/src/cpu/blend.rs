@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::Frame;
 use super::bin::{TILE_HEIGHT, TILE_WIDTH};
-use super::lanes::{self, LANES, PLANE_LEN, Plane, STRIDE, TileSplat};
+use super::lanes::{self, LANE, LANES, PLANE_LEN, Plane, STRIDE, TileSplat};
 use super::project::{Splat, Surface};
 use crate::render::{Outputs, Rendering, TRANSMITTANCE_MIN};
 
@@ -55,13 +55,11 @@ pub(crate) fn clear_transmittance(plane: &mut Plane, columns: usize, rows: usize
 /// True when no pixel of the tile can receive anything.
 #[inline(always)]
 pub(crate) fn is_finished(transmittance: &Plane) -> bool {
-    let mut most = [0.0f32; LANES];
-    for lanes in transmittance.chunks_exact(LANES) {
-        for l in 0..LANES {
-            most[l] = if lanes[l] > most[l] { lanes[l] } else { most[l] };
-        }
+    let mut alive = 0;
+    for &t in transmittance {
+        alive |= u32::from(t >= TRANSMITTANCE_MIN);
     }
-    lanes::all_below(most, TRANSMITTANCE_MIN)
+    alive == 0
 }
 
 /// One compiled kernel for each combination of outputs, and within it one for each SIMD level.
@@ -93,87 +91,82 @@ kernels! {
 
 #[inline(always)]
 fn blend<const COLOR: bool, const DEPTH: bool, const NORMAL: bool>(scene: TileScene, buffers: &mut TileBuffers) {
+    let TileBuffers {
+        transmittance,
+        color: [red, green, blue],
+        weight: weights,
+        depth,
+        median,
+        normal: [nx, ny, nz],
+    } = buffers;
     for (n, &i) in scene.list.iter().enumerate() {
-        if n % CHECK_EVERY == CHECK_EVERY - 1 && is_finished(&buffers.transmittance) {
+        if n % CHECK_EVERY == CHECK_EVERY - 1 && is_finished(transmittance) {
             return;
         }
         let i = i as usize;
-        let splat = &scene.splats[i];
+        let splat = scene.splats[i];
         let color = if COLOR { scene.colors[i] } else { [0.0; 3] };
         let surface = if DEPTH || NORMAL {
             scene.surfaces[i]
         } else {
             Surface::default()
         };
-        let seen = TileSplat::new(splat, scene.left, scene.top, scene.rows);
-        for y in seen.first_row as isize..=seen.last_row {
-            let y = y as usize;
+        let seen = TileSplat::new(&splat, scene.left, scene.top, scene.rows);
+        for y in seen.rows() {
             let Some(span) = seen.row(y, scene.columns) else {
                 continue;
             };
             // Depth of the surfel's plane at the middle column of this row.
-            let row_slope = surface.slope[1] * span.dy + surface.slope[0] * (span.middle - seen.mean[0]);
+            let row_offset = surface.slope[1] * span.dy + surface.slope[0] * (span.middle - seen.mean[0]);
             let mut x = span.first;
             while x <= span.last {
                 let at = y * STRIDE + x;
-                let before = lanes::load(&buffers.transmittance, at);
-                if lanes::all_below(before, TRANSMITTANCE_MIN) {
-                    x += LANES;
+                let start = x as f32 - span.middle;
+                x += LANES;
+                let t = lanes::at(transmittance, at);
+                if lanes::all_below(t, TRANSMITTANCE_MIN) {
                     continue;
                 }
-                let (along, alpha) = lanes::alpha(splat, &span, x);
-                let mut weight = [0.0; LANES];
-                let mut after = [0.0; LANES];
+                let (r, g, b) = (lanes::at(red, at), lanes::at(green, at), lanes::at(blue, at));
+                let (sum, z_sum, z_median) = (lanes::at(weights, at), lanes::at(depth, at), lanes::at(median, at));
+                let (n_x, n_y, n_z) = (lanes::at(nx, at), lanes::at(ny, at), lanes::at(nz, at));
+                // One loop for everything: short separate ones are unrolled before they can become vectors.
                 for l in 0..LANES {
-                    let a = if before[l] >= TRANSMITTANCE_MIN { alpha[l] } else { 0.0 };
-                    weight[l] = a * before[l];
-                    after[l] = before[l] * (1.0 - a);
-                }
-                lanes::store(&mut buffers.transmittance, at, after);
-                if COLOR {
-                    for c in 0..3 {
-                        accumulate(&mut buffers.color[c], at, weight, [color[c]; LANES]);
+                    let along = start + LANE[l];
+                    let before = t[l];
+                    let alpha = lanes::alpha(&splat, &span, along, before);
+                    let weight = alpha * before;
+                    let after = before * (1.0 - alpha);
+                    t[l] = after;
+                    if COLOR {
+                        r[l] += weight * color[0];
+                        g[l] += weight * color[1];
+                        b[l] += weight * color[2];
                     }
-                }
-                if DEPTH {
-                    let mut z = [0.0; LANES];
-                    for l in 0..LANES {
-                        let offset = row_slope + surface.slope[0] * along[l];
+                    if DEPTH {
+                        let offset = row_offset + surface.slope[0] * along;
                         let offset = if offset < surface.reach { offset } else { surface.reach };
                         let offset = if offset > -surface.reach {
                             offset
                         } else {
                             -surface.reach
                         };
-                        z[l] = surface.depth + offset;
+                        let z = surface.depth + offset;
+                        sum[l] += weight;
+                        z_sum[l] += weight * z;
+                        // T falls, so this holds for one Gaussian.
+                        let crosses = (before > 0.5) & (after <= 0.5);
+                        z_median[l] = if crosses { z } else { z_median[l] };
                     }
-                    accumulate(&mut buffers.weight, at, weight, [1.0; LANES]);
-                    accumulate(&mut buffers.depth, at, weight, z);
-                    let mut median = lanes::load(&buffers.median, at);
-                    for l in 0..LANES {
-                        let crosses = before[l] > 0.5 && after[l] <= 0.5;
-                        median[l] = if crosses { z[l] } else { median[l] };
-                    }
-                    lanes::store(&mut buffers.median, at, median);
-                }
-                if NORMAL {
-                    for c in 0..3 {
-                        accumulate(&mut buffers.normal[c], at, weight, [surface.normal[c]; LANES]);
+                    if NORMAL {
+                        n_x[l] += weight * surface.normal[0];
+                        n_y[l] += weight * surface.normal[1];
+                        n_z[l] += weight * surface.normal[2];
                     }
                 }
-                x += LANES;
             }
         }
     }
-}
-
-#[inline(always)]
-fn accumulate(plane: &mut Plane, at: usize, weight: lanes::Lanes, value: lanes::Lanes) {
-    let mut total = lanes::load(plane, at);
-    for l in 0..LANES {
-        total[l] += weight[l] * value[l];
-    }
-    lanes::store(plane, at, total);
 }
 
 /// Pictures under construction; planes that are not wanted are empty.

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use super::Frame;
 use super::bin::{TILE_HEIGHT, TILE_WIDTH};
 use super::blend::{CHECK_EVERY, clear_transmittance, is_finished};
-use super::lanes::{self, LANES, Lanes, PLANE_LEN, Plane, STRIDE, TileSplat};
+use super::lanes::{self, LANE, LANES, PLANE_LEN, Plane, STRIDE, TileSplat};
 use super::project::Splat;
 use crate::render::{ALPHA_MAX, PixelGradients, Rendering, TRANSMITTANCE_MIN, Wanted};
 
@@ -150,69 +150,64 @@ fn sum_everything(scene: TileScene, loss: &mut TileLoss, out: &mut [Sums]) {
 /// Walks the tile's list as `blend` does. `SHAPE`: the moments too.
 #[inline(always)]
 fn accumulate<const SHAPE: bool>(scene: TileScene, loss: &mut TileLoss, out: &mut [Sums]) {
+    let TileLoss {
+        transmittance,
+        color: [red, green, blue],
+        offset,
+        remaining,
+    } = loss;
     for (n, (&i, out)) in scene.list.iter().zip(out).enumerate() {
-        if n % CHECK_EVERY == CHECK_EVERY - 1 && is_finished(&loss.transmittance) {
+        if n % CHECK_EVERY == CHECK_EVERY - 1 && is_finished(transmittance) {
             return;
         }
         let i = i as usize;
-        let splat = &scene.splats[i];
+        let splat = scene.splats[i];
         let color = scene.colors[i];
-        let seen = TileSplat::new(splat, scene.left, scene.top, scene.rows);
+        let seen = TileSplat::new(&splat, scene.left, scene.top, scene.rows);
         let mut by_color = [[0.0; LANES]; 3];
         let mut moments = [[0.0; LANES]; 6];
-        for y in seen.first_row as isize..=seen.last_row {
-            let y = y as usize;
+        let [by_r, by_g, by_b] = &mut by_color;
+        let [m_0, m_e, m_ee, m_d, m_ed, m_dd] = &mut moments;
+        for y in seen.rows() {
             let Some(span) = seen.row(y, scene.columns) else {
                 continue;
             };
+            let dy = span.dy;
             let mut x = span.first;
             while x <= span.last {
                 let at = y * STRIDE + x;
+                let start = x as f32 - span.middle;
                 x += LANES;
-                let before = lanes::load(&loss.transmittance, at);
-                if lanes::all_below(before, TRANSMITTANCE_MIN) {
+                let t = lanes::at(transmittance, at);
+                if lanes::all_below(t, TRANSMITTANCE_MIN) {
                     continue;
                 }
-                let (along, alpha) = lanes::alpha(splat, &span, x - LANES);
-                let g = [0, 1, 2].map(|c| lanes::load(&loss.color[c], at));
-                let mut weight = [0.0; LANES];
-                let mut after = [0.0; LANES];
-                let mut held = [0.0; LANES];
+                let (g_r, g_g, g_b) = (lanes::at(red, at), lanes::at(green, at), lanes::at(blue, at));
+                let (shared, rest) = (lanes::at(offset, at), lanes::at(remaining, at));
                 for l in 0..LANES {
-                    let a = if before[l] >= TRANSMITTANCE_MIN { alpha[l] } else { 0.0 };
-                    held[l] = a;
-                    weight[l] = a * before[l];
-                    after[l] = before[l] * (1.0 - a);
-                }
-                lanes::store(&mut loss.transmittance, at, after);
-                for c in 0..3 {
-                    multiply_add(&mut by_color[c], weight, g[c]);
-                }
-                if SHAPE {
-                    let offset = lanes::load(&loss.offset, at);
-                    let mut remaining = lanes::load(&loss.remaining, at);
-                    let mut h: Lanes = [0.0; LANES];
-                    for l in 0..LANES {
-                        let s = g[0][l] * color[0] + g[1][l] * color[1] + g[2][l] * color[2] + offset[l];
-                        remaining[l] -= weight[l] * s;
-                        let a = held[l];
-                        let slope = weight[l] * s - remaining[l] * (a / (1.0 - a));
-                        h[l] = if a < ALPHA_MAX { slope } else { 0.0 };
+                    let e = start + LANE[l];
+                    let before = t[l];
+                    let alpha = lanes::alpha(&splat, &span, e, before);
+                    let weight = alpha * before;
+                    t[l] = before * (1.0 - alpha);
+                    let (g_r, g_g, g_b) = (g_r[l], g_g[l], g_b[l]);
+                    by_r[l] += weight * g_r;
+                    by_g[l] += weight * g_g;
+                    by_b[l] += weight * g_b;
+                    if SHAPE {
+                        let s = weight * (g_r * color[0] + g_g * color[1] + g_b * color[2] + shared[l]);
+                        let after = rest[l] - s;
+                        rest[l] = after;
+                        let slope = s - after * (alpha / (1.0 - alpha));
+                        let h = if alpha < ALPHA_MAX { slope } else { 0.0 };
+                        let (h_e, h_d) = (h * e, h * dy);
+                        m_0[l] += h;
+                        m_e[l] += h_e;
+                        m_ee[l] += h_e * e;
+                        m_d[l] += h_d;
+                        m_ed[l] += h_e * dy;
+                        m_dd[l] += h_d * dy;
                     }
-                    lanes::store(&mut loss.remaining, at, remaining);
-                    let dy = [span.dy; LANES];
-                    let mut h_e = [0.0; LANES];
-                    let mut h_d = [0.0; LANES];
-                    for l in 0..LANES {
-                        moments[0][l] += h[l];
-                        h_e[l] = h[l] * along[l];
-                        h_d[l] = h[l] * span.dy;
-                        moments[1][l] += h_e[l];
-                        moments[3][l] += h_d[l];
-                    }
-                    multiply_add(&mut moments[2], h_e, along);
-                    multiply_add(&mut moments[4], h_e, dy);
-                    multiply_add(&mut moments[5], h_d, dy);
                 }
             }
         }
@@ -220,13 +215,6 @@ fn accumulate<const SHAPE: bool>(scene: TileScene, loss: &mut TileLoss, out: &mu
         if SHAPE {
             out.moments = moments.map(lanes::sum);
         }
-    }
-}
-
-#[inline(always)]
-fn multiply_add(total: &mut Lanes, a: Lanes, b: Lanes) {
-    for l in 0..LANES {
-        total[l] += a[l] * b[l];
     }
 }
 

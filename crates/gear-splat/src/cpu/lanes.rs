@@ -2,7 +2,7 @@
 
 use super::bin::{TILE_HEIGHT, TILE_WIDTH};
 use super::project::Splat;
-use crate::render::{ALPHA_MAX, ALPHA_MIN};
+use crate::render::{ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN};
 
 /// Pixels handled together.
 pub(crate) const LANES: usize = 8;
@@ -16,18 +16,15 @@ pub(crate) const PLANE_LEN: usize = STRIDE * TILE_HEIGHT;
 /// One value for each pixel of a tile, and for the padding at the right of every row.
 pub(crate) type Plane = [f32; PLANE_LEN];
 
+/// Numbers of the lanes.
+pub(crate) const LANE: Lanes = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
 /// The lanes of a plane from `at` on.
 #[inline(always)]
-pub(crate) fn load(plane: &Plane, at: usize) -> Lanes {
-    let mut lanes = [0.0; LANES];
-    lanes.copy_from_slice(&plane[at..at + LANES]);
-    lanes
-}
-
-/// Writes the lanes of a plane from `at` on.
-#[inline(always)]
-pub(crate) fn store(plane: &mut Plane, at: usize, lanes: Lanes) {
-    plane[at..at + LANES].copy_from_slice(&lanes);
+pub(crate) fn at(plane: &mut Plane, at: usize) -> &mut Lanes {
+    (&mut plane[at..at + LANES])
+        .try_into()
+        .expect("the slice has LANES entries")
 }
 
 /// Sum of the lanes, as a tree of fixed shape.
@@ -38,12 +35,12 @@ pub(crate) fn sum(x: Lanes) -> f32 {
 
 /// True when no lane is at least `least`.
 #[inline(always)]
-pub(crate) fn all_below(x: Lanes, least: f32) -> bool {
-    let mut any = false;
+pub(crate) fn all_below(x: &Lanes, least: f32) -> bool {
+    let mut any = 0;
     for lane in x {
-        any |= lane >= least;
+        any |= u32::from(*lane >= least);
     }
-    !any
+    any == 0
 }
 
 /// e^x for −80 ≤ x ≤ 0 (smaller x are taken as −80), within 2 ulp; e⁰ = 1 exactly.
@@ -89,9 +86,9 @@ pub(crate) struct TileSplat<'a> {
     pub splat: &'a Splat,
     /// Centre, tile coordinates.
     pub mean: [f32; 2],
-    /// First and last row that the splat may touch, tile coordinates; empty when first > last.
-    pub first_row: usize,
-    pub last_row: isize,
+    /// First row that the splat may touch, and the one after the last, tile coordinates.
+    first_row: usize,
+    end_row: usize,
 }
 
 impl<'a> TileSplat<'a> {
@@ -105,8 +102,14 @@ impl<'a> TileSplat<'a> {
             splat,
             mean,
             first_row: first as usize,
-            last_row: if last >= 0.0 { last as isize } else { -1 },
+            end_row: (last + 1.0).max(0.0) as usize,
         }
+    }
+
+    /// The rows that it may touch.
+    #[inline(always)]
+    pub fn rows(&self) -> std::ops::Range<usize> {
+        self.first_row..self.end_row
     }
 
     /// The pixels of row `y` within the cutoff, among `columns`.
@@ -132,22 +135,15 @@ impl<'a> TileSplat<'a> {
     }
 }
 
-/// Distance along the row from the middle, and α before the transmittance is looked at: zero where a pixel is not
-/// covered.
+/// α of a pixel that lies `along` the row from its middle: zero where it is not covered, and where the transmittance
+/// `before` says that it is finished.
 #[inline(always)]
-pub(crate) fn alpha(splat: &Splat, span: &RowSpan, column: usize) -> (Lanes, Lanes) {
-    let start = column as f32 - span.middle;
-    let mut along = [0.0; LANES];
-    let mut alpha = [0.0; LANES];
-    for l in 0..LANES {
-        let e = start + l as f32;
-        let q = splat.precision_x * (e * e) + span.base;
-        let a = splat.opacity * exp_nonpositive(-0.5 * q);
-        let a = if a < ALPHA_MAX { a } else { ALPHA_MAX };
-        along[l] = e;
-        alpha[l] = if a >= ALPHA_MIN { a } else { 0.0 };
-    }
-    (along, alpha)
+pub(crate) fn alpha(splat: &Splat, span: &RowSpan, along: f32, before: f32) -> f32 {
+    let q = splat.precision_x * (along * along) + span.base;
+    let a = splat.opacity * exp_nonpositive(-0.5 * q);
+    let a = if a < ALPHA_MAX { a } else { ALPHA_MAX };
+    let counts = (a >= ALPHA_MIN) & (before >= TRANSMITTANCE_MIN);
+    if counts { a } else { 0.0 }
 }
 
 #[cfg(test)]
