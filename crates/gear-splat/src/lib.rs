@@ -1,7 +1,4 @@
-//! 3D Gaussian scenes: cameras, differentiable rasteriser, optimiser, file formats.
-//!
-//! World: x right, y up, z towards the viewer of the canonical camera. A painting's longer side spans 1 world unit.
-//! Camera space: x right, y down, z forward (depth grows away from the camera).
+#![doc = include_str!("../README.md")]
 
 mod bounds;
 mod camera;

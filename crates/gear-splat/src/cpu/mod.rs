@@ -2,14 +2,14 @@
 //!
 //! Stages, in the order data passes them:
 //!
-//! 1. [`project`]: every Gaussian becomes an ellipse on the screen (f64 inside, f32 out), with the radius at which
+//! 1. `project`: every Gaussian becomes an ellipse on the screen (f64 inside, f32 out), with the radius at which
 //!    its α falls below 1/255; those that touch no pixel are marked.
-//! 2. [`sort`]: the seen ones are ordered by the depth of their centre, stably.
-//! 3. [`bin`]: each tile of 32 × 16 pixels gets its list, front to back.
-//! 4. [`blend`]: each tile composites its list into the pictures that are wanted.
-//! 5. [`gradient`]: given the loss's derivatives by the pixels, each tile sums the derivatives by the ellipses,
+//! 2. `sort`: the seen ones are ordered by the depth of their centre, stably.
+//! 3. `bin`: each tile of 32 × 16 pixels gets its list, front to back.
+//! 4. `blend`: each tile composites its list into the pictures that are wanted.
+//! 5. `gradient`: given the loss's derivatives by the pixels, each tile sums the derivatives by the ellipses,
 //!    walking its list front to back again; the sums of a Gaussian's tiles are added in tile order.
-//! 6. [`chain`]: derivatives by the ellipse become derivatives by centre, scale, rotation, opacity and colour.
+//! 6. `chain`: derivatives by the ellipse become derivatives by centre, scale, rotation, opacity and colour.
 //!
 //! A [`Frame`] holds the results of 1 to 3. They do not depend on colours, so that an optimiser that moves only
 //! colours keeps its frames and repeats stages 4 and 5 only.
