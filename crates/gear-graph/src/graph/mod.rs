@@ -12,7 +12,7 @@
 //! ```
 //!
 //! A bare name is a graph input, `node.port` an output of a node; a port that takes many values is given a list.
-//! Reading goes text → [`Tree`](crate::Tree) ([`yaml`]) → names with positions ([`file`]) → [`Graph`] ([`check`]).
+//! Reading goes text → [`Tree`](crate::Tree) (`yaml`) → names with positions (`file`) → [`Graph`] (`check`).
 //! All three report every mistake they find.
 
 mod check;
