@@ -199,3 +199,25 @@ fn notes_are_told_again_when_the_result_comes_from_the_store() {
         );
     }
 }
+
+#[test]
+fn values_that_are_asked_for_come_back_although_the_store_lost_them() {
+    let body = "inputs: {x: Number}
+nodes: {floor: {node: Floor, in: {x: x}}}
+outputs: {large: floor.large, x: x}";
+    let (graph, shelf) = (graph(body), Shelf::new());
+    let run = || Run::new(&graph).store(shelf.open()).input_value("x", Number(2.5));
+    run().go().unwrap();
+    shelf.evict_contents();
+    assert!(run().go().unwrap().report.ran().is_empty(), "digests are enough");
+    let outcome = run().with_values().go().unwrap();
+    assert_eq!(
+        (outcome.report.status, outcome.report.ran()),
+        (RunStatus::Done, vec!["floor"])
+    );
+    assert_eq!(number(&outcome, "x"), 2.5);
+    // Nothing is left half done, also for the input that was given as a value.
+    let unfinished = outcome.report.with_status(NodeStatus::Unfinished);
+    assert!(unfinished.is_empty(), "{unfinished:?}");
+    assert!(outcome.report.outputs.iter().all(|output| output.digest.is_some()));
+}
