@@ -1,1 +1,54 @@
-//! The promises of the whole system, one a module.
+//! The promises of the whole system, one a module. They run the binary as a user types it.
+
+#[path = "system/a_full_disk_leaves_no_half_file.rs"]
+mod a_full_disk_leaves_no_half_file;
+#[path = "system/an_interrupted_run_resumes.rs"]
+mod an_interrupted_run_resumes;
+#[path = "system/bad_input_is_refused_and_nothing_is_written.rs"]
+mod bad_input_is_refused_and_nothing_is_written;
+#[path = "system/every_shipped_graph_runs.rs"]
+mod every_shipped_graph_runs;
+#[path = "system/odd_input_runs_with_a_note.rs"]
+mod odd_input_runs_with_a_note;
+#[path = "system/only_what_changed_runs.rs"]
+mod only_what_changed_runs;
+#[path = "system/same_bits_on_any_thread_count.rs"]
+mod same_bits_on_any_thread_count;
+#[path = "system/the_commands_answer.rs"]
+mod the_commands_answer;
+#[path = "system/the_samples_pass_the_gates.rs"]
+mod the_samples_pass_the_gates;
+
+/// A graph that is done in a moment, for promises that do not depend on what is computed.
+const SMALL: &str = "\
+gear: 1
+inputs:
+  painting: {type: Image, with: {size: 64}}
+nodes:
+  edges:   {node: EdgeDetect, in: {image: painting}}
+  ratio:   {node: LogRatio, in: {image: painting}}
+  pyramid: {node: Pyramid, in: {ratio: ratio.ratio, edges: edges.edges}}
+  enhance: {node: Enhance, in: {image: painting}}
+outputs:
+  edges: edges.edges
+  ratio: pyramid.ratio
+  enhanced: enhance.image
+";
+
+/// The main job at a size at which it takes seconds.
+const MAIN: &[&str] = &[
+    "run",
+    "@gear",
+    "--input",
+    "painting=sample:vessel",
+    "--set",
+    "painting.size=64",
+    "--set",
+    "refine.color_iterations=6",
+    "--set",
+    "refine.iterations=14",
+    "--set",
+    "orbit.orbit=6",
+    "--set",
+    "orbit.size=48",
+];

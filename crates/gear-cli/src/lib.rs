@@ -1,1 +1,88 @@
-//! The binary gear: arguments, progress, exit codes
+//! The command line of `gear`: arguments, progress, exit codes, and the files that a run leaves. No algorithm.
+//!
+//! A team with nodes of its own builds its own binary from this crate:
+//!
+//! ```no_run
+//! let mut registry = gear_cli::registry();
+//! // registry.node::<my_nodes::Weathering>();
+//! gear_cli::main_with(&registry);
+//! ```
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `args` | the arguments, as `clap` reads them |
+//! | `registry` | the list of node types and loaders |
+//! | `graphs` | the graphs that are embedded in the binary |
+//! | `commands` | one file a command |
+//! | `inputs` | `--input NAME=PATH` and `sample:NAME` |
+//! | `outputs`, `bundle`, `folder` | values as files, written so that no half file stands under a final name |
+//! | `artefacts`, `gallery`, `page` | pictures of a run and the page that shows them |
+//! | `progress` | progress bars |
+
+mod args;
+mod artefacts;
+mod bundle;
+mod commands;
+mod console;
+mod error;
+mod folder;
+mod gallery;
+mod graphs;
+mod inputs;
+mod outputs;
+mod page;
+mod progress;
+mod registry;
+
+pub use graphs::{Shipped, shipped};
+pub use registry::registry;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use gear_graph::Registry;
+use tracing_subscriber::fmt::format::FmtSpan;
+
+use args::{Arguments, Command};
+use console::Console;
+use error::Exit;
+
+/// Reads the arguments of the process, does what they ask for with the nodes of `registry`, and says how it ended:
+/// 0 done, 1 a node failed, 2 the user's mistake, 130 interrupted.
+///
+/// Help and version go to standard output, mistakes in the arguments to standard error (then the process ends here).
+pub fn main_with(registry: &Registry) -> ExitCode {
+    let arguments = Arguments::parse();
+    let console = Console::new();
+    log();
+    let result = match &arguments.command {
+        Command::Run(options) => commands::run::run(options, registry, &console),
+        Command::Check(options) => commands::check::check(options, registry, &console),
+        Command::Plan(options) => commands::plan::plan(options, registry, &console),
+        Command::Nodes(options) => commands::nodes::nodes(options, registry, &console),
+        Command::Graph(options) => commands::graph::graph(options, registry, &console),
+        Command::Graphs(options) => commands::graphs::graphs(options, &console),
+        Command::Sample(options) => commands::sample::sample(options, &console),
+    };
+    let exit = result.unwrap_or_else(|error| {
+        console.error(&error);
+        error.exit()
+    });
+    ExitCode::from(match exit {
+        Exit::Done => 0,
+        Exit::Failed => 1,
+        Exit::Mistake => 2,
+        Exit::Interrupted => 130,
+    })
+}
+
+/// What happens inside, on standard error, for those who ask: `GEAR_LOG=info`, or any filter of `tracing`.
+fn log() {
+    if let Ok(filter) = std::env::var("GEAR_LOG") {
+        tracing_subscriber::fmt()
+            .with_env_filter(tracing_subscriber::EnvFilter::new(filter))
+            .with_span_events(FmtSpan::NEW | FmtSpan::CLOSE)
+            .with_writer(std::io::stderr)
+            .init();
+    }
+}

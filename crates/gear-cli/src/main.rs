@@ -1,2 +1,7 @@
 //! The binary `gear`.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    gear_cli::main_with(&gear_cli::registry())
+}

@@ -2,7 +2,7 @@
 //!
 //! Quantities without a natural colour are given one that can be read without a legend: a field of one sign
 //! is grey from its 1 % to its 99 % quantile, a field of both signs is blue below zero, white at it, red above, with the
-//! same scale on both sides; depth is light where near; NaN, which means "nothing here", is the page's ground.
+//! same scale on both sides; height is light where near; NaN, which means "nothing here", is the page's ground.
 
 use std::io::Cursor;
 
@@ -156,17 +156,22 @@ impl Pixels {
         })
     }
 
-    /// Depth along the camera's z axis: near is light, far is dark, nothing (NaN) is paper.
-    pub fn of_depth(depth: &Field) -> Self {
-        let (near, far) = quantiles(depth.data());
-        let span = (far - near).max(f32::MIN_POSITIVE);
-        Self::map(depth.width(), depth.height(), depth.data(), |z| {
+    /// Height towards the viewer: near is light, far is dark, nothing (NaN) is paper.
+    pub fn of_height(height: &Field) -> Self {
+        let (far, near) = quantiles(height.data());
+        let span = (near - far).max(f32::MIN_POSITIVE);
+        Self::map(height.width(), height.height(), height.data(), |z| {
             if z.is_nan() {
                 PAPER
             } else {
-                [byte(0.96 - 0.84 * (z - near) / span); 3]
+                [byte(0.12 + 0.84 * (z - far) / span); 3]
             }
         })
+    }
+
+    /// A field of shares: 0 is black, 1 is white.
+    pub fn of_share(field: &Field) -> Self {
+        Self::map(field.width(), field.height(), field.data(), |x| [byte(x); 3])
     }
 
     /// Unit normals in the usual colours, 0.5 + 0.5 n; the zero vector is paper.
@@ -348,7 +353,7 @@ mod tests {
 
     #[test]
     fn nothing_is_paper() {
-        assert_eq!(Pixels::of_depth(&Field::filled(1, 1, f32::NAN)).data, PAPER);
+        assert_eq!(Pixels::of_height(&Field::filled(1, 1, f32::NAN)).data, PAPER);
         assert_eq!(Pixels::of_normals(1, 1, &[[0.0; 3]]).data, PAPER);
     }
 

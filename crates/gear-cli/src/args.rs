@@ -1,0 +1,185 @@
+//! The arguments.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Turns a painting into an explorable 3D Gaussian scene, by running a graph of typed nodes.
+#[derive(Debug, Parser)]
+#[command(name = "gear", version, about, max_term_width = 100)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a graph and write what it puts out
+    Run(RunArgs),
+    /// Find every mistake in a graph file, without running it
+    Check(GraphArgs),
+    /// Tell what a run would do: what runs, what is stored, what is left out and why
+    Plan(PlanArgs),
+    /// List the nodes, or show one: ports, parameters, ranges, units
+    Nodes(NodesArgs),
+    /// Draw a graph
+    Graph(DrawArgs),
+    /// The graphs that come with gear
+    #[command(subcommand)]
+    Graphs(GraphsCommand),
+    /// Paint a sample, with its true depth and normals beside it
+    Sample(SampleArgs),
+}
+
+/// Which graph.
+#[derive(Debug, Args)]
+pub struct GraphArgs {
+    /// A graph file, or `@NAME` for one that comes with gear (`@gear` is the main one)
+    pub graph: String,
+    /// Change a parameter of a node or an input; the value is YAML
+    #[arg(long, value_name = "NODE.PARAM=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// What a run is made of.
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// The graph.
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// Give an input of the graph: a file, or `sample:NAME` for a painting that gear makes itself
+    #[arg(long, value_name = "NAME=PATH|sample:NAME")]
+    pub input: Vec<String>,
+    /// Ask for some outputs only
+    #[arg(long, value_name = "NAME")]
+    pub output: Vec<String>,
+    /// Threads in all
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+    /// Where results are kept between runs [default: $GEAR_STORE, or `gear` in the user's cache folder]
+    #[arg(long, value_name = "DIR")]
+    pub store: Option<PathBuf>,
+    /// Run this node (or read this input) although its results are stored
+    #[arg(long, value_name = "NODE")]
+    pub fresh: Vec<String>,
+    /// Keep nothing and use nothing that was kept
+    #[arg(long, conflicts_with = "store")]
+    pub no_cache: bool,
+}
+
+/// `gear run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// The run.
+    #[command(flatten)]
+    pub run: PlanArgs,
+    /// Where the files go; made if it is not there
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub out: PathBuf,
+}
+
+/// `gear nodes`.
+#[derive(Debug, Args)]
+pub struct NodesArgs {
+    /// A node type
+    pub name: Option<String>,
+}
+
+/// `gear graph`.
+#[derive(Debug, Args)]
+pub struct DrawArgs {
+    /// The graph.
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// What to draw it with
+    #[arg(long, value_enum, default_value_t = DrawFormat::Mermaid)]
+    pub format: DrawFormat,
+}
+
+/// What a graph is drawn with.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum DrawFormat {
+    /// Mermaid, as in Markdown files
+    Mermaid,
+    /// Graphviz
+    Dot,
+}
+
+/// `gear graphs`.
+#[derive(Debug, Subcommand)]
+pub enum GraphsCommand {
+    /// List them
+    List,
+    /// Copy one (or all) to edit
+    Copy {
+        /// Its name; all of them if it is not given
+        name: Option<String>,
+        /// The folder to copy to
+        #[arg(long, value_name = "DIR", default_value = ".")]
+        to: PathBuf,
+    },
+}
+
+/// `gear sample`.
+#[derive(Debug, Args)]
+pub struct SampleArgs {
+    /// The motif: court-lady, vessel or landscape-relief
+    pub name: String,
+    /// Where the files go; made if it is not there
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Longer side in pixels
+    #[arg(long, value_name = "PX", default_value_t = 768)]
+    pub size: usize,
+    /// What lies behind the figure
+    #[arg(long, value_enum, default_value_t = BackgroundArg::Textured)]
+    pub background: BackgroundArg,
+    /// How the surface is shown
+    #[arg(long, value_enum, default_value_t = ConditionArg::Paint)]
+    pub condition: ConditionArg,
+    /// Seed of everything that is random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// What lies behind the figure.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum BackgroundArg {
+    /// Clean paper of one colour
+    Plain,
+    /// Old silk with stains, writing and a seal
+    Textured,
+    /// Old silk in a brocade mount
+    Bordered,
+}
+
+/// How the surface is shown.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum ConditionArg {
+    /// As a painting: lines, washes, weak modelling, brush grain
+    Paint,
+    /// As a photograph of the coloured surface
+    Photo,
+    /// Flat colours and lines
+    Flat,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn a_store_and_no_cache_exclude_each_other() {
+        let parsed = Arguments::try_parse_from(["gear", "run", "@gear", "--store", "x", "--no-cache"]);
+        assert!(parsed.is_err());
+    }
+}

@@ -1,0 +1,9 @@
+//! One file a command.
+
+pub mod check;
+pub mod graph;
+pub mod graphs;
+pub mod nodes;
+pub mod plan;
+pub mod run;
+pub mod sample;

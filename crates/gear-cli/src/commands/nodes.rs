@@ -1,0 +1,151 @@
+//! `gear nodes`: what nodes there are, and everything about one, from its definition.
+
+use std::fmt::Write;
+
+use gear_graph::graph::nearest;
+use gear_graph::{Limits, NodeSpec, ParamKind, ParamSpec, PortSpec, Registry};
+
+use crate::args::NodesArgs;
+use crate::console::Console;
+use crate::error::{CliError, Exit};
+
+pub fn nodes(args: &NodesArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    let Some(name) = &args.name else {
+        console.result(list(registry).trim_end());
+        return Ok(Exit::Done);
+    };
+    let Some(node) = registry.find_node(name) else {
+        let names: Vec<_> = registry.nodes().map(|node| node.spec.name).collect();
+        let help = match nearest(name, names.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("there are {}", names.join(", ")),
+        };
+        return Err(CliError::UnknownNode {
+            name: name.clone(),
+            help,
+        });
+    };
+    console.result(describe(&node.spec).trim_end());
+    Ok(Exit::Done)
+}
+
+fn list(registry: &Registry) -> String {
+    let width = registry.nodes().map(|node| node.spec.name.len()).max().unwrap_or(0);
+    let mut text = String::new();
+    for node in registry.nodes() {
+        let _ = writeln!(text, "{:<width$}  {}", node.spec.name, summary(node.spec.doc));
+    }
+    let _ = writeln!(text, "\ninputs that can be given as files:");
+    for loader in registry.loaders() {
+        let _ = writeln!(
+            text,
+            "{:<width$}  {}",
+            loader.spec.value_type.name,
+            summary(loader.spec.doc)
+        );
+    }
+    text
+}
+
+fn describe(spec: &NodeSpec) -> String {
+    let mut text = format!("{}, version {}\n\n", spec.name, spec.version);
+    for line in spec.doc.trim().lines() {
+        let _ = writeln!(text, "  {}", line.trim());
+    }
+    ports(&mut text, "inputs", &spec.inputs, true);
+    ports(&mut text, "outputs", &spec.outputs, false);
+    if !spec.params.is_empty() {
+        text.push_str("\nparameters\n");
+        params(&mut text, &spec.params, 2);
+    }
+    text
+}
+
+fn ports(text: &mut String, title: &str, ports: &[PortSpec], inputs: bool) {
+    let _ = writeln!(text, "\n{title}");
+    let width = ports.iter().map(|port| port.name.len()).max().unwrap_or(0);
+    for port in ports {
+        let mut remarks = Vec::new();
+        if port.optional {
+            remarks.push("optional");
+        }
+        if port.lazy {
+            remarks.push(if inputs {
+                "computed only if needed"
+            } else {
+                "computed only if read"
+            });
+        }
+        let remarks = if remarks.is_empty() {
+            String::new()
+        } else {
+            format!("  ({})", remarks.join(", "))
+        };
+        let _ = writeln!(text, "  {:<width$}  {}{remarks}", port.name, port.value_type.name);
+        paragraph(text, port.doc, 6);
+    }
+}
+
+fn params(text: &mut String, specs: &[ParamSpec], indent: usize) {
+    for param in specs {
+        let mut facts = vec![param.kind.describe()];
+        if param.limits != Limits::default() {
+            facts.push(param.limits.to_string());
+        }
+        match &param.default {
+            Some(default) => facts.push(format!("default {default}")),
+            None => facts.push("must be given".to_owned()),
+        }
+        let _ = writeln!(text, "{:indent$}{}: {}", "", param.name, facts.join("; "));
+        paragraph(text, param.doc, indent + 4);
+        methods(text, &param.kind, indent + 4);
+    }
+}
+
+/// The methods of a choice that have parameters of their own, or words of explanation.
+fn methods(text: &mut String, kind: &ParamKind, indent: usize) {
+    let ParamKind::Choice { variants } = kind else {
+        return;
+    };
+    for variant in variants {
+        let _ = writeln!(text, "{:indent$}{}", "", variant.name);
+        paragraph(text, variant.doc, indent + 4);
+        params(text, &variant.params, indent + 4);
+    }
+}
+
+fn paragraph(text: &mut String, doc: &str, indent: usize) {
+    for line in doc.trim().lines().map(str::trim) {
+        let _ = writeln!(text, "{:indent$}{line}", "");
+    }
+}
+
+fn summary(doc: &str) -> &str {
+    doc.trim().lines().next().unwrap_or_default().trim()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_port_and_parameter_of_every_node_is_told_and_documented() {
+        let registry = crate::registry();
+        assert!(list(&registry).lines().count() > 13);
+        for node in registry.nodes() {
+            let text = describe(&node.spec);
+            let spec = &node.spec;
+            assert!(!summary(spec.doc).is_empty(), "{}", spec.name);
+            for (name, doc) in spec
+                .inputs
+                .iter()
+                .chain(&spec.outputs)
+                .map(|port| (port.name, port.doc))
+                .chain(spec.params.iter().map(|param| (param.name, param.doc)))
+            {
+                assert!(text.contains(name), "{}.{name}", spec.name);
+                assert!(!doc.trim().is_empty(), "{}.{name} has no doc", spec.name);
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! `gear run`: runs a graph and writes what it puts out.
+//!
+//! The order matters. Everything that can be wrong with what was asked for is found before anything runs and before
+//! anything is written; a file that cannot be decoded is found while it is loaded, and then nothing is written either.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use gear_graph::{Event, FailureKind, Outcome, Registry, Report, RunReport, RunStatus};
+
+use crate::args::RunArgs;
+use crate::artefacts::Artefacts;
+use crate::bundle::{self, File};
+use crate::console::Console;
+use crate::error::{CliError, Exit};
+use crate::folder::Folder;
+use crate::gallery::Gallery;
+use crate::outputs;
+use crate::page::{Sources, page};
+use crate::progress::Progress;
+
+use super::plan::{open, set_up};
+
+pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    let graph = open(&args.run, registry, console)?;
+    let (run, store) = set_up(&args.run, &graph, console)?;
+    let folder = Folder::probe(&args.out)?;
+    let artefacts = Arc::new(Artefacts::new(store));
+    let gallery = Arc::new(Gallery::open(Arc::clone(&artefacts)));
+    let progress = Arc::new(Progress::new(console.interactive()));
+
+    let observer = {
+        let (gallery, progress) = (Arc::clone(&gallery), Arc::clone(&progress));
+        move |event: &Event<'_>| {
+            gallery.event(event);
+            progress.event(event);
+            tell(event, &progress);
+        }
+    };
+    let run = run.cancel(interruption()).observer(Arc::new(observer));
+    let outcome = run.go().map_err(CliError::Run)?;
+    progress.finish();
+    gallery.finish();
+
+    let report = &outcome.report;
+    for failure in &report.failures {
+        console.failure(&failure.to_string());
+    }
+    let bad_input = report.failures.iter().any(|failure| failure.kind == FailureKind::Load);
+    if bad_input {
+        return Ok(Exit::Mistake);
+    }
+    if report.status == RunStatus::Interrupted {
+        console.remark("interrupted; what was computed is kept, and the next run goes on from there");
+        return Ok(Exit::Interrupted);
+    }
+    write(&folder, &outcome, &artefacts, &gallery, &graph, console)?;
+    console.remark(&summary(report));
+    Ok(if report.status == RunStatus::Done {
+        Exit::Done
+    } else {
+        Exit::Failed
+    })
+}
+
+/// A flag that the first Ctrl-C sets. The second ends the process.
+fn interruption() -> Arc<AtomicBool> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let raised = Arc::clone(&flag);
+    let installed = ctrlc::set_handler(move || {
+        if raised.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    });
+    if let Err(error) = installed {
+        tracing::warn!(%error, "Ctrl-C will end the process at once");
+    }
+    flag
+}
+
+/// What people should hear while the run goes on.
+fn tell(event: &Event<'_>, progress: &Progress) {
+    let console = Console::new();
+    match event {
+        Event::Warning { message } => progress.between(|| console.warning(message)),
+        Event::Note { node, note } => progress.between(|| console.remark(&format!("note: {node}: {note}"))),
+        _ => {}
+    }
+}
+
+/// Writes the outputs, the record and the page; tells their names.
+fn write(
+    folder: &Folder,
+    outcome: &Outcome<'_>,
+    artefacts: &Artefacts,
+    gallery: &Gallery,
+    graph: &gear_graph::Graph,
+    console: &Console,
+) -> Result<(), CliError> {
+    let mut reports = BTreeMap::new();
+    let mut written = Vec::new();
+    for output in &outcome.report.outputs {
+        let Some(digest) = outcome.digest(&output.name) else {
+            continue;
+        };
+        let encode_error = |cause: String| CliError::Encode {
+            output: output.name.clone(),
+            cause,
+        };
+        let kind = format!("files {} {}", outputs::FILES_VERSION, output.name);
+        let files = match artefacts.get(&kind, &digest).and_then(|packed| bundle::unpack(&packed)) {
+            Some(files) => files,
+            None => {
+                let value = outcome
+                    .value(&output.name)
+                    .ok_or_else(|| encode_error("its value was lost and could not be computed again".to_owned()))?;
+                let files = outputs::files(&output.name, &value).map_err(encode_error)?;
+                artefacts.put(&kind, &digest, bundle::pack(&files));
+                files
+            }
+        };
+        if output.type_name == "Report"
+            && let Some(file) = files.first()
+            && let Ok(report) = serde_json::from_slice(&file.bytes)
+        {
+            reports.insert(output.name.clone(), report);
+        }
+        for file in &files {
+            written.push(folder.write(file)?);
+        }
+    }
+    let record = Report::new(&outcome.report)
+        .and_then(|report| gear_graph::Value::encode(&report))
+        .map_err(|error| CliError::Encode {
+            output: "run.json".to_owned(),
+            cause: error.to_string(),
+        })?;
+    written.push(folder.write(&File::new("run.json", record))?);
+    let page = page(&Sources {
+        report: &outcome.report,
+        graph,
+        gallery,
+        reports: &reports,
+    });
+    let html = page.render().map_err(|error| CliError::Encode {
+        output: "report.html".to_owned(),
+        cause: error.to_string(),
+    })?;
+    written.push(folder.write(&File::new("report.html", html.into_bytes()))?);
+    for path in written {
+        console.result(&path.display().to_string());
+    }
+    Ok(())
+}
+
+/// One line: how long, what ran, what came from the store.
+fn summary(report: &RunReport) -> String {
+    let count = |status| report.with_status(status).len();
+    let memory = report
+        .peak_memory
+        .map(|peak| format!(", {} MiB at most", peak >> 20))
+        .unwrap_or_default();
+    format!(
+        "{:.1} s{memory}: {} ran, {} from the store, {} left out",
+        report.seconds,
+        report.ran().len(),
+        count(gear_graph::NodeStatus::Cached),
+        count(gear_graph::NodeStatus::LeftOut),
+    )
+}

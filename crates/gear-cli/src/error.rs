@@ -1,0 +1,123 @@
+//! What can go wrong, and how the process ends then.
+
+use std::path::PathBuf;
+
+use gear_graph::{Mistakes, RunMistake};
+
+/// How the process ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// Everything is done: 0.
+    Done,
+    /// A node failed, or a result could not be written: 1.
+    Failed,
+    /// Something in the command or its files must be mended: 2.
+    Mistake,
+    /// Ctrl-C: 130.
+    Interrupted,
+}
+
+/// Why a command did not do what it was asked for.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// The graph file cannot be read.
+    #[error("the graph {name} cannot be read: {cause}")]
+    GraphFile {
+        /// As given.
+        name: String,
+        /// Why.
+        cause: std::io::Error,
+    },
+    /// No graph of that name comes with gear.
+    #[error("no graph named `{name}` comes with gear; {help}")]
+    UnknownGraph {
+        /// As given.
+        name: String,
+        /// The nearest name, or all of them.
+        help: String,
+    },
+    /// No node of that name is known.
+    #[error("there is no node named `{name}`; {help}")]
+    UnknownNode {
+        /// As given.
+        name: String,
+        /// The nearest name, or all of them.
+        help: String,
+    },
+    /// The graph has mistakes.
+    #[error("{0}")]
+    Graph(Mistakes),
+    /// An `--input` is not of the form `NAME=PATH`.
+    #[error("--input {given}: expected NAME=PATH or NAME=sample:NAME, such as `painting=scroll.png`")]
+    InputForm {
+        /// As given.
+        given: String,
+    },
+    /// An input is given twice.
+    #[error("--input {name}: given more than once")]
+    InputTwice {
+        /// Its name.
+        name: String,
+    },
+    /// The sample cannot be painted.
+    #[error("{asked}: {cause}")]
+    Sample {
+        /// The flag or argument.
+        asked: String,
+        /// Why.
+        cause: gear_sample::SampleError,
+    },
+    /// A sample has nothing of that type.
+    #[error("--input {name}=sample:{sample}: a sample gives an Image or a Mask, and `{name}` is a {value_type}")]
+    SampleType {
+        /// The input.
+        name: String,
+        /// The sample.
+        sample: String,
+        /// The type of the input.
+        value_type: &'static str,
+    },
+    /// The run was asked for in a way that cannot be.
+    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Run(Vec<RunMistake>),
+    /// The output folder cannot be written.
+    #[error("--out {}: {cause}", folder.display())]
+    OutFolder {
+        /// The folder.
+        folder: PathBuf,
+        /// Why.
+        cause: String,
+    },
+    /// A file is in the way.
+    #[error("{}: exists already; remove it, or copy elsewhere with --to DIR", file.display())]
+    InTheWay {
+        /// The file.
+        file: PathBuf,
+    },
+    /// A result could not be written.
+    #[error("{}: cannot be written: {cause}; nothing is left under that name", file.display())]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        cause: std::io::Error,
+    },
+    /// A result could not be turned into a file.
+    #[error("the output `{output}` cannot be written: {cause}")]
+    Encode {
+        /// The output.
+        output: String,
+        /// Why.
+        cause: String,
+    },
+}
+
+impl CliError {
+    /// How the process ends.
+    pub fn exit(&self) -> Exit {
+        match self {
+            Self::Write { .. } | Self::Encode { .. } => Exit::Failed,
+            _ => Exit::Mistake,
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! The graphs that are embedded in the binary, and graphs from files.
+
+use gear_graph::graph::nearest;
+use gear_graph::{Graph, GraphSource, Registry};
+
+use crate::args::GraphArgs;
+use crate::error::CliError;
+
+/// A graph that comes with gear.
+#[derive(Clone, Copy, Debug)]
+pub struct Shipped {
+    /// Its name: the path below `graphs/` without `.yaml`.
+    pub name: &'static str,
+    /// The file's text.
+    pub text: &'static str,
+}
+
+/// The graphs that come with gear: the files of `graphs/`.
+pub fn shipped() -> &'static [Shipped] {
+    macro_rules! embed {
+        ($($name:literal),* $(,)?) => {
+            &[$(Shipped {
+                name: $name,
+                text: include_str!(concat!("../../../graphs/", $name, ".yaml")),
+            }),*]
+        };
+    }
+    embed![
+        "gear",
+        "baselines/raw",
+        "baselines/histogram-equalization",
+        "baselines/retinex",
+    ]
+}
+
+impl Shipped {
+    /// What it is for: the first comment line.
+    pub fn summary(&self) -> &'static str {
+        self.text
+            .lines()
+            .next()
+            .unwrap_or_default()
+            .trim_start_matches('#')
+            .trim()
+    }
+}
+
+/// The shipped graph of that name.
+pub fn find(name: &str) -> Result<&'static Shipped, CliError> {
+    shipped().iter().find(|graph| graph.name == name).ok_or_else(|| {
+        let names: Vec<_> = shipped().iter().map(|graph| graph.name).collect();
+        let help = match nearest(name, names.iter().copied()) {
+            Some(near) => format!("did you mean `@{near}`?"),
+            None => format!("there are {}", names.join(", ")),
+        };
+        CliError::UnknownGraph {
+            name: name.to_owned(),
+            help,
+        }
+    })
+}
+
+/// Reads and checks the graph that was asked for; its warnings are the caller's to show.
+pub fn open(args: &GraphArgs, registry: &Registry) -> Result<Graph, CliError> {
+    let mut source = match args.graph.strip_prefix('@') {
+        Some(name) => GraphSource::new(&args.graph, find(name)?.text),
+        None => {
+            let text = std::fs::read_to_string(&args.graph).map_err(|cause| CliError::GraphFile {
+                name: args.graph.clone(),
+                cause,
+            })?;
+            GraphSource::new(&args.graph, text)
+        }
+    };
+    source.set = args.set.clone();
+    source.check(registry).map_err(CliError::Graph)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn files(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                files(&path, found);
+            } else {
+                found.push(path);
+            }
+        }
+    }
+
+    #[test]
+    fn every_file_in_graphs_is_embedded() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../graphs");
+        let mut found = Vec::new();
+        files(&root, &mut found);
+        let mut names: Vec<_> = found
+            .iter()
+            .map(|path| {
+                path.strip_prefix(&root)
+                    .unwrap()
+                    .with_extension("")
+                    .display()
+                    .to_string()
+            })
+            .collect();
+        names.sort();
+        let mut embedded: Vec<_> = shipped().iter().map(|graph| graph.name.to_owned()).collect();
+        embedded.sort();
+        assert_eq!(names, embedded);
+    }
+
+    #[test]
+    fn every_shipped_graph_is_clean_and_says_what_it_is_for() {
+        let registry = crate::registry();
+        for graph in shipped() {
+            assert!(graph.summary().len() > 20, "{}", graph.name);
+            let checked = GraphSource::new(graph.name, graph.text).check(&registry).unwrap();
+            assert!(checked.warnings().is_empty(), "{}", checked.warnings());
+        }
+    }
+
+    #[test]
+    fn a_misspelt_graph_gets_the_nearest_name() {
+        assert!(find("gaer").unwrap_err().to_string().contains("did you mean `@gear`?"));
+    }
+}

@@ -1,0 +1,130 @@
+//! What is given for the inputs of a graph.
+
+use gear_graph::{Graph, GraphInput, Input, NodeError};
+use gear_image::Image;
+use gear_sample::{Options, Sample};
+
+use crate::error::CliError;
+
+/// Raise when a sample's pixels change: `sample:NAME` inputs are known to the store by this number.
+const SAMPLE_VERSION: u32 = 1;
+
+/// Reads every `NAME=PATH` and `NAME=sample:NAME`. Whether the graph has such inputs is the run's to say.
+pub fn parse(given: &[String], graph: &Graph) -> Result<Vec<(String, Input)>, CliError> {
+    let mut inputs: Vec<(String, Input)> = Vec::new();
+    for text in given {
+        let form = || CliError::InputForm { given: text.clone() };
+        let (name, value) = text.split_once('=').ok_or_else(form)?;
+        if name.is_empty() || value.is_empty() {
+            return Err(form());
+        }
+        if inputs.iter().any(|(known, _)| known == name) {
+            return Err(CliError::InputTwice { name: name.to_owned() });
+        }
+        let input = graph.inputs().iter().find(|input| input.name == name);
+        let parsed = match (value.strip_prefix("sample:"), input) {
+            (Some(sample), Some(input)) => sampled(sample, input)?,
+            _ => Input::file(value),
+        };
+        inputs.push((name.to_owned(), parsed));
+    }
+    Ok(inputs)
+}
+
+/// A sample, painted at the working size of the input only when its pixels are needed.
+fn sampled(sample: &str, input: &GraphInput) -> Result<Input, CliError> {
+    let size = input.params().get("size").and_then(serde_json::Value::as_u64);
+    let longer_side = usize::try_from(size.unwrap_or(768)).unwrap_or(usize::MAX);
+    let options = Options {
+        longer_side: longer_side.clamp(gear_sample::MIN_SIDE, gear_sample::MAX_SIDE),
+        ..Options::default()
+    };
+    let encode: fn(Sample) -> Result<Vec<u8>, String> = match input.value_type.name {
+        "Image" => |sample| gear_image::io::png_bytes(&sample.painting),
+        "Mask" => |sample| gear_image::io::png_bytes(&white_on_black(&sample)),
+        value_type => {
+            return Err(CliError::SampleType {
+                name: input.name.clone(),
+                sample: sample.to_owned(),
+                value_type,
+            });
+        }
+    };
+    if !gear_sample::names().contains(&sample) {
+        return Err(CliError::Sample {
+            asked: format!("--input {}=sample:{sample}", input.name),
+            cause: gear_sample::SampleError::UnknownName {
+                found: sample.to_owned(),
+            },
+        });
+    }
+    let key = format!(
+        "sample {SAMPLE_VERSION} {sample} {} {}",
+        options.longer_side, input.value_type.name
+    );
+    let name = sample.to_owned();
+    Ok(Input::made(format!("sample:{sample}"), &key, move || {
+        let painted = gear_sample::paint(&name, &options).map_err(|e| NodeError::because("no such sample", e))?;
+        encode(painted).map_err(NodeError::new)
+    }))
+}
+
+fn white_on_black(sample: &Sample) -> Image {
+    let mask = sample.mask.to_field();
+    let pixels = mask.data().iter().map(|&inside| [inside; 3]).collect();
+    Image::opaque(gear_image::SrgbImage::from_vec(mask.width(), mask.height(), pixels))
+}
+
+#[cfg(test)]
+mod tests {
+    use gear_graph::{Digest, GraphSource};
+
+    use super::*;
+
+    fn key_of(input: &Input) -> Option<Digest> {
+        match input {
+            Input::Made { key, .. } => Some(*key),
+            _ => None,
+        }
+    }
+
+    fn graph(size: u32) -> Graph {
+        let text = format!(
+            "gear: 1\ninputs: {{painting: {{type: Image, with: {{size: {size}}}}}, note: Report}}\n\
+             nodes:\n  edges: {{node: EdgeDetect, in: {{image: painting}}}}\noutputs: {{edges: edges.edges}}\n"
+        );
+        GraphSource::new("test", text).check(&crate::registry()).unwrap()
+    }
+
+    fn parsed(given: &[&str], size: u32) -> Result<Vec<(String, Input)>, CliError> {
+        let given: Vec<String> = given.iter().map(ToString::to_string).collect();
+        parse(&given, &graph(size))
+    }
+
+    #[test]
+    fn a_sample_is_another_input_at_another_size() {
+        let key = |size| key_of(&parsed(&["painting=sample:vessel"], size).unwrap()[0].1);
+        assert!(key(64).is_some());
+        assert_eq!(key(64), key(64));
+        assert_ne!(key(64), key(65));
+    }
+
+    #[test]
+    fn malformed_inputs_are_named() {
+        for given in ["painting", "=a.png", "painting="] {
+            assert!(parsed(&[given], 64).unwrap_err().to_string().contains(given));
+        }
+        let twice = parsed(&["painting=a.png", "painting=b.png"], 64).unwrap_err();
+        assert!(twice.to_string().contains("more than once"));
+    }
+
+    #[test]
+    fn an_unknown_sample_is_named_with_those_that_exist() {
+        let message = parsed(&["painting=sample:cat"], 64).unwrap_err().to_string();
+        assert!(message.contains("cat") && message.contains("court-lady"), "{message}");
+        assert!(matches!(
+            parsed(&["note=sample:vessel"], 64),
+            Err(CliError::SampleType { .. })
+        ));
+    }
+}

@@ -1,0 +1,104 @@
+//! What each command says, and where it says it.
+
+use std::process::Stdio;
+
+use gear_tests::Desk;
+
+#[test]
+fn help_and_version_go_to_standard_output() {
+    let desk = Desk::new();
+    for flag in ["--help", "--version"] {
+        let done = desk.gear(&[flag]).exits(0);
+        assert!(done.stdout.contains("gear"));
+        assert_eq!(done.stderr, "");
+    }
+    let done = desk.gear(&["fly"]).exits(2);
+    assert_eq!(done.stdout, "");
+}
+
+#[test]
+fn nodes_lists_them_and_shows_one() {
+    let desk = Desk::new();
+    let list = desk.gear(&["nodes"]).exits(0).stdout;
+    for name in [
+        "EdgeDetect",
+        "Foreground",
+        "Recompose",
+        "Reconstruct",
+        "Refine",
+        "Metrics",
+    ] {
+        assert!(list.contains(name), "{list}");
+    }
+    let one = desk.gear(&["nodes", "LogRatio"]).exits(0).stdout;
+    for word in [
+        "inputs",
+        "image",
+        "outputs",
+        "ratio",
+        "smooth",
+        "parameters",
+        "radius",
+        "default",
+    ] {
+        assert!(one.contains(word), "{word} in {one}");
+    }
+    desk.gear(&["nodes", "LogRatoi"]).exits(2).says("LogRatio");
+}
+
+#[test]
+fn a_graph_is_drawn() {
+    let desk = Desk::new();
+    let mermaid = desk.gear(&["graph", "@gear", "--format", "mermaid"]).exits(0).stdout;
+    assert!(
+        mermaid.starts_with("flowchart") && mermaid.contains("recompose"),
+        "{mermaid}"
+    );
+    let dot = desk.gear(&["graph", "@gear", "--format", "dot"]).exits(0).stdout;
+    assert!(dot.contains("digraph") && dot.contains("recompose"), "{dot}");
+}
+
+#[test]
+fn a_shipped_graph_is_copied_but_never_over_a_file() {
+    let desk = Desk::new();
+    desk.gear(&["graphs", "copy", "gear"]).exits(0);
+    desk.gear(&["check", "gear.yaml"]).exits(0);
+    desk.file("gear.yaml", "mine");
+    desk.gear(&["graphs", "copy", "gear"]).exits(2).says("gear.yaml");
+    assert_eq!(std::fs::read(desk.path("gear.yaml")).unwrap(), b"mine");
+    desk.gear(&["graphs", "copy", "--to", "all"]).exits(0);
+    assert!(desk.listing("all").contains(&"baselines/raw.yaml".to_owned()));
+}
+
+#[test]
+fn a_sample_comes_with_its_truth() {
+    let desk = Desk::new();
+    desk.gear(&["sample", "court-lady", "--size", "64", "--out", "lady"])
+        .exits(0);
+    let files = desk.listing("lady");
+    for name in ["painting.png", "mask.png", "depth.exr", "height.exr", "normals.png"] {
+        assert!(files.contains(&name.to_owned()), "{name} in {files:?}");
+    }
+    desk.gear(&["sample", "cat", "--out", "cat"])
+        .exits(2)
+        .says("court-lady");
+    desk.gear(&["sample", "vessel", "--size", "0", "--out", "cat"])
+        .exits(2)
+        .says("16");
+    assert_eq!(desk.listing("cat"), Vec::<String>::new());
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let desk = Desk::new();
+    let mut child = desk
+        .command(&["nodes"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+    assert_eq!(output.status.code(), Some(0));
+}
