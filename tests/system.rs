@@ -1,5 +1,7 @@
 //! The promises of the whole system, one a module. They run the binary as a user types it.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on stops and says where")]
+
 #[path = "system/a_full_disk_leaves_no_half_file.rs"]
 mod a_full_disk_leaves_no_half_file;
 #[path = "system/an_interrupted_run_resumes.rs"]

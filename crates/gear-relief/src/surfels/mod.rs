@@ -1,11 +1,11 @@
 //! Surfels: a height field becomes a closed, double-sided Gaussian scene.
 //!
-//! *Front.* A quad-tree of square blocks ([`blocks`]): a block is one surfel when a plane explains its height
+//! *Front.* A quad-tree of square blocks (`blocks`): a block is one surfel when a plane explains its height
 //! within a tolerance and its colours hardly vary. A surfel is the Gaussian on the block's plane that the
 //! canonical camera sees as an isotropic spot of σ = cover · block size, centred where the ray through the block's
 //! centre meets the plane; so the front view is aligned with the painting to the pixel for an orthographic and
-//! for a pinhole camera alike ([`frame`]). *Back.* A figure's mirrored and flattened height, coarser; a relief's flat
-//! board. *Walls.* Where front and back do not meet at the rim ([`walls`]).
+//! for a pinhole camera alike (`frame`). *Back.* A figure's mirrored and flattened height, coarser; a relief's flat
+//! board. *Walls.* Where front and back do not meet at the rim (`walls`).
 //!
 //! Outlines and paper leak into the outermost pixels of a mask and would show on walls: every pixel
 //! takes its colour from at least three pixels inside the rim.

@@ -3,13 +3,13 @@
 //! Mittal, Soundararajan, Bovik, "Making a 'completely blind' image quality analyzer", 2013, as their MATLAB
 //! release and BasicSR's `calculate_niqe` compute it. In order:
 //!
-//! 1. [`luma`]: 8-bit codes, then MATLAB's Y of YCbCr (16..235), rounded to integers.
+//! 1. `luma`: 8-bit codes, then MATLAB's Y of YCbCr (16..235), rounded to integers.
 //! 2. Crop to whole blocks of 96 × 96 pixels, from the top left corner.
 //! 3. [`mscn`](mscn::mscn): subtract the local mean, divide by the local deviation + 1.
-//! 4. [`aggd`]: 18 features a block: the shape and spread of the coefficients, and of their products with
+//! 4. `aggd`: 18 features a block: the shape and spread of the coefficients, and of their products with
 //!    four neighbours.
-//! 5. The same on the luma halved by MATLAB's antialiased bicubic ([`half`]), blocks of 48: 36 features in all.
-//! 6. [`pristine::distance`]: a Mahalanobis distance between the picture's blocks and the pristine model.
+//! 5. The same on the luma halved by MATLAB's antialiased bicubic (`half`), blocks of 48: 36 features in all.
+//! 6. `pristine::distance`: a Mahalanobis distance between the picture's blocks and the pristine model.
 //!
 //! The last digits of the reference are not defined where a picture is flat: a constant neighbourhood's
 //! coefficient is rounding noise there, and its *sign* decides which spread it dilutes. We take differences
