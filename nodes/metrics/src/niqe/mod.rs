@@ -5,7 +5,7 @@
 //!
 //! 1. `luma`: 8-bit codes, then MATLAB's Y of YCbCr (16..235), rounded to integers.
 //! 2. Crop to whole blocks of 96 × 96 pixels, from the top left corner.
-//! 3. [`mscn`](mscn::mscn): subtract the local mean, divide by the local deviation + 1.
+//! 3. `mscn`: subtract the local mean, divide by the local deviation + 1.
 //! 4. `aggd`: 18 features a block: the shape and spread of the coefficients, and of their products with
 //!    four neighbours.
 //! 5. The same on the luma halved by MATLAB's antialiased bicubic (`half`), blocks of 48: 36 features in all.
