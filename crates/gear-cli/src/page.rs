@@ -57,14 +57,23 @@ pub fn page(sources: &Sources<'_>) -> Page {
     if let Some(count) = gaussians {
         page.facts.push(("Gaussians".into(), thousands(count)));
     }
-    page.facts.push(("seconds".into(), format!("{:.1}", report.seconds)));
-    if let Some(peak) = report.peak_memory {
+    // What the results cost when they were computed, in this run or an earlier one.
+    let seconds: f64 = report.nodes.iter().map(|node| node.seconds).sum();
+    page.facts.push(("seconds of work".into(), format!("{seconds:.1}")));
+    if let Some(peak) = report
+        .nodes
+        .iter()
+        .map(|node| node.peak_memory)
+        .max()
+        .filter(|peak| *peak > 0)
+    {
         page.facts
             .push(("peak memory".into(), format!("{} MiB", thousands(peak >> 20))));
     }
     let cached = report.with_status(NodeStatus::Cached).len();
-    page.facts.push(("ran".into(), report.ran().len().to_string()));
-    page.facts.push(("from the store".into(), cached.to_string()));
+    let (ran, all) = (report.ran().len(), report.ran().len() + cached);
+    page.facts
+        .push(("computed in this run".into(), format!("{ran} of {all}")));
     page
 }
 

@@ -80,7 +80,7 @@ pub struct Out {
 
 impl Node for Edit {
     const NAME: &str = "Edit";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Inputs = In;
     type Outputs = Out;
 

@@ -75,8 +75,9 @@ pub(crate) fn offset(view: &Camera, painter: &Camera) -> Option<(isize, isize)> 
     (same && dx == dx.round() && dy == dy.round()).then_some((dx as isize, dy as isize))
 }
 
-/// What the painting tells of a view that looks along the painter's own rays: itself, exactly, on its mask.
-pub(crate) fn same_rays(source: &Source, view: &View, (dx, dy): (isize, isize)) -> SrgbImage {
+/// What the painting tells of a view that looks along the painter's own rays: itself, exactly, on its mask (the
+/// second raster).
+pub(crate) fn same_rays(source: &Source, view: &View, (dx, dy): (isize, isize)) -> (SrgbImage, Mask) {
     let (width, height) = source.mask.size();
     let place = |x: usize, y: usize| {
         let (x, y) = (x as isize + dx, y as isize + dy);
@@ -84,9 +85,10 @@ pub(crate) fn same_rays(source: &Source, view: &View, (dx, dy): (isize, isize)) 
         (inside && source.mask.at(x as usize, y as usize)).then_some((x as usize, y as usize))
     };
     let (w, h) = view.rgb.size();
-    SrgbImage::from_fn(w, h, |x, y| {
+    let rgb = SrgbImage::from_fn(w, h, |x, y| {
         place(x, y).map_or([1.0; 3], |(x, y)| source.painting.at(x, y))
-    })
+    });
+    (rgb, Mask::from_fn(w, h, |x, y| place(x, y).is_some()))
 }
 
 /// What the painting tells of any view.

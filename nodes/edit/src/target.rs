@@ -1,10 +1,13 @@
 //! One view's target: what the painting tells, and for the rest what fits it.
 
-use gear_image::{Field, SrgbImage};
+use gear_image::{Field, Mask, SrgbImage};
 use gear_splat::View;
 
 use crate::fill::Filler;
 use crate::reproject::{self, Known, Source};
+
+/// Coverage below which nothing is seen in 8 bits.
+const SEEN: f32 = 1.0 / 255.0;
 
 /// How far invented pixels may be trusted, where a seen one counts 1.
 pub(crate) struct Trust {
@@ -21,8 +24,8 @@ pub(crate) struct Buffers<'a> {
 
 /// What the painting tells of one view.
 pub(crate) enum Told {
-    /// The view looks along the painter's rays: the painting itself, white beyond the mask.
-    All(SrgbImage),
+    /// The view looks along the painter's rays: the painting itself on this mask, white beyond it.
+    All(SrgbImage, Mask),
     /// Any other view.
     Part(Known),
 }
@@ -30,7 +33,10 @@ pub(crate) enum Told {
 impl Told {
     pub fn of(source: &Source, view: &View, buffers: &Buffers) -> Self {
         match reproject::offset(&view.camera, &source.camera) {
-            Some(offset) => Self::All(reproject::same_rays(source, view, offset)),
+            Some(offset) => {
+                let (rgb, mask) = reproject::same_rays(source, view, offset);
+                Self::All(rgb, mask)
+            }
             None => Self::Part(reproject::known(
                 source,
                 view,
@@ -44,7 +50,7 @@ impl Told {
     /// Whether nothing is left to fill.
     pub fn is_complete(&self) -> bool {
         match self {
-            Self::All(_) => true,
+            Self::All(..) => true,
             Self::Part(known) => known.is_complete(),
         }
     }
@@ -53,15 +59,30 @@ impl Told {
 /// The target of a view. The filler is asked only when the painting does not tell everything.
 pub(crate) fn target(told: Told, view: &View, alpha: &Field, trust: &Trust, filler: Option<&Filler>) -> View {
     let known = match told {
-        Told::All(rgb) => return finished(view, rgb, Field::filled(alpha.width(), alpha.height(), 1.0)),
+        Told::All(rgb, mask) => return front(view, &rgb, &mask, alpha, trust),
         Told::Part(known) => known,
     };
     let edited = match filler {
         Some(filler) if !known.is_complete() => blended(&filler.fill(&view.rgb, &known), &known),
         _ => known.colour.clone(),
     };
-    let rgb = over_white(&edited, &known, alpha);
+    let rgb = over_white(&edited, &known.silhouette, alpha);
     finished(view, rgb, weights(&known, alpha, trust))
+}
+
+/// The painting, fully trusted, on its mask; the fringe that the scene spreads beyond it as in every other view. Asking
+/// for white right beside the mask would bleach the rim's Gaussians, which show their true colour from the sides.
+fn front(view: &View, rgb: &SrgbImage, mask: &Mask, alpha: &Field, trust: &Trust) -> View {
+    let fringe = over_white(rgb, mask, alpha);
+    let (width, height) = rgb.size();
+    let target = SrgbImage::from_fn(width, height, |x, y| {
+        if mask.at(x, y) { rgb.at(x, y) } else { fringe.at(x, y) }
+    });
+    let weight = Field::from_fn(width, height, |x, y| {
+        let spread = !mask.at(x, y) && alpha.at(x, y) > SEEN;
+        if spread { trust.fill } else { 1.0 }
+    });
+    finished(view, target, weight)
 }
 
 fn finished(view: &View, rgb: SrgbImage, weight: Field) -> View {
@@ -97,7 +118,7 @@ fn weights(known: &Known, alpha: &Field, trust: &Trust) -> Field {
         if known.silhouette.data()[i] {
             let (front, back) = (known.front.data()[i], known.back.data()[i]);
             front + (1.0 - front) * (back * trust.back + (1.0 - back) * trust.fill)
-        } else if alpha.data()[i] > 1.0 / 255.0 {
+        } else if alpha.data()[i] > SEEN {
             trust.fill
         } else {
             1.0
@@ -108,9 +129,9 @@ fn weights(known: &Known, alpha: &Field, trust: &Trust) -> Field {
 
 /// The edited colours as the renderer shows them: over white by coverage. The fringe takes the colour of the nearest
 /// pixel of the silhouette.
-fn over_white(edited: &SrgbImage, known: &Known, alpha: &Field) -> SrgbImage {
+fn over_white(edited: &SrgbImage, silhouette: &Mask, alpha: &Field) -> SrgbImage {
     let (width, height) = edited.size();
-    let Some(nearest) = gear_image::filter::nearest(&known.silhouette) else {
+    let Some(nearest) = gear_image::filter::nearest(silhouette) else {
         return SrgbImage::filled(width, height, [1.0; 3]);
     };
     SrgbImage::from_fn(width, height, |x, y| {

@@ -126,8 +126,14 @@ fn write(
         {
             reports.insert(output.name.clone(), report);
         }
+        let mut paths = Vec::new();
         for file in &files {
-            written.push(folder.write(file)?);
+            paths.push(folder.write(file)?);
+        }
+        // The views of one output are one result.
+        match paths.first().and_then(|first| first.parent()) {
+            Some(parent) if output.type_name == "Views" => written.push(parent.to_path_buf()),
+            _ => written.append(&mut paths),
         }
     }
     let record = Report::new(&outcome.report)

@@ -7,6 +7,7 @@ use super::RefineOptions;
 use super::prox::ProxAdam;
 use crate::Scene;
 use crate::render::{SceneGradients, Wanted};
+use crate::sh::Y0;
 
 /// Added to √v̂. The data gradient is a mean over pixels, about 1e-6; this stays far below.
 const EPSILON: f64 = 1e-15;
@@ -137,6 +138,9 @@ impl Anchored {
             update(&prox, &mut x, &anchor, &gradient, moments);
             set_coordinates(&mut self.scene, group, &x);
         }
+        if self.scene.sh_degree == 0 {
+            self.restrain_colors();
+        }
         if phase == Wanted::All {
             self.restrain();
         }
@@ -169,6 +173,17 @@ impl Anchored {
             }
         }
         count
+    }
+
+    /// Keeps colours between black and white. A view blends a few Gaussians a pixel, so one that is brighter than white
+    /// can make up for its neighbours in the views that were looked at; from between them it is a glaring speck.
+    fn restrain_colors(&mut self) {
+        let most = 0.5 / Y0;
+        for (color, start) in self.scene.sh_dc.iter_mut().zip(&self.anchor.sh_dc) {
+            for (x, start) in color.iter_mut().zip(start) {
+                *x = x.clamp((-most).min(*start), most.max(*start));
+            }
+        }
     }
 
     /// Keeps the attributes where they make sense: unit quaternions on the anchor's side, scales of 1e-4 to 0.2 extents and
