@@ -31,7 +31,7 @@ pub fn page(sources: &Sources<'_>) -> Page {
     let report = sources.report;
     let mut page = Page {
         title: title(report),
-        subtitle: format!("{}, {}", report.graph, status(report.status)),
+        subtitle: format!("Made by the graph {}{}", report.graph, status(report.status)),
         problems: report.failures.iter().map(ToString::to_string).collect(),
         graph: drawing(sources),
         left_out: left_out(report),
@@ -40,7 +40,7 @@ pub fn page(sources: &Sources<'_>) -> Page {
         orbit: orbit(sources),
         curve: sources.reports.get("curve").map(curve).unwrap_or_default(),
         measures: sources.reports.get("metrics").map(measures).unwrap_or_default(),
-        costs: report.nodes.iter().map(cost).collect(),
+        costs: costs(report),
         colophon: format!(
             "gear {} on {} {}, {} threads.",
             report.version,
@@ -88,9 +88,9 @@ fn title(report: &RunReport) -> String {
 
 fn status(status: RunStatus) -> &'static str {
     match status {
-        RunStatus::Done => "done",
-        RunStatus::Failed => "not finished: something failed",
-        RunStatus::Interrupted => "interrupted",
+        RunStatus::Done => "",
+        RunStatus::Failed => "; not finished, something failed",
+        RunStatus::Interrupted => "; interrupted",
     }
 }
 
@@ -119,6 +119,7 @@ fn drawing(sources: &Sources<'_>) -> Drawing {
             note: match &node.reason {
                 Some(reason) => reason.clone(),
                 None if ran => format!("{:.2} s", node.seconds),
+                None if node.input => "input".to_owned(),
                 None => String::new(),
             },
         });
@@ -131,7 +132,6 @@ fn drawing(sources: &Sources<'_>) -> Drawing {
                 .extend(producer(&source).zip(place.get(node.id.as_str()).copied()));
         }
     }
-    // An output that shares its name with the node it comes from would say nothing new.
     for output in graph.outputs() {
         let from = producer(&graph.output_source(output));
         drawing.edges.extend(from.map(|from| (from, drawing.shapes.len())));
@@ -163,7 +163,7 @@ fn port_type(graph: &Graph, node: &NodeReport, port: &str) -> Option<(ValueType,
     }
     let spec = &graph.nodes().iter().find(|known| known.id == node.id)?.spec;
     let port = spec.outputs.iter().find(|output| output.name == port)?;
-    Some((port.value_type, port.doc.trim().to_owned()))
+    Some((port.value_type, port.doc.trim().replace('`', "")))
 }
 
 fn stages(sources: &Sources<'_>) -> Vec<Figure> {
@@ -352,6 +352,12 @@ fn measures(metrics: &Value) -> Vec<Measure> {
         }
     }
     all
+}
+
+/// What took part, each with its cost.
+fn costs(report: &RunReport) -> Vec<Cost> {
+    let nodes = report.nodes.iter().filter(|node| node.status != NodeStatus::Given);
+    nodes.map(cost).collect()
 }
 
 fn cost(node: &NodeReport) -> Cost {

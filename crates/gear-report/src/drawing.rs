@@ -49,7 +49,7 @@ impl Standing {
     /// The CSS class and the word shown to people.
     pub fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::End => ("end", "end of the graph"),
+            Self::End => ("end", "given"),
             Self::Ran => ("ran", "ran"),
             Self::Hit => ("hit", "from the store"),
             Self::LeftOut => ("left-out", "left out"),
@@ -83,7 +83,9 @@ impl Drawing {
         }
         for (shape, &(x, y)) in self.shapes.iter().zip(&places) {
             let (class, word) = shape.standing.words();
-            let note = if shape.note.is_empty() {
+            let note = if shape.standing == Standing::End {
+                shape.note.clone()
+            } else if shape.note.is_empty() {
                 word.to_owned()
             } else {
                 format!("{word}: {}", shape.note)

@@ -9,9 +9,6 @@ use crate::drawing::Drawing;
 use crate::picture::Picture;
 use crate::plot::Curve;
 
-/// Raise when the same [`Page`] renders to other bytes: pages are cached by their content and this number.
-pub const TEMPLATE_VERSION: u32 = 1;
-
 /// Above this many boxes a drawing says nothing; the page then leaves it out.
 const MOST_BOXES: usize = 400;
 

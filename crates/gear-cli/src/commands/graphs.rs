@@ -19,7 +19,7 @@ pub fn graphs(command: &GraphsCommand, console: &Console) -> Result<Exit, CliErr
         }
         GraphsCommand::Copy { name, to } => {
             let wanted: Vec<&Shipped> = match name {
-                Some(name) => vec![graphs::find(name.trim_start_matches('@'))?],
+                Some(name) => vec![graphs::find(name.trim_start_matches('@').trim_end_matches(".yaml"))?],
                 None => shipped().iter().collect(),
             };
             copy(&wanted, to, console)?;

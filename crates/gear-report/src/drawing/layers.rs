@@ -14,6 +14,8 @@ pub const BOX: (f64, f64) = (118.0, 38.0);
 const GAP: (f64, f64) = (18.0, 30.0);
 const WAYPOINT_WIDTH: f64 = 6.0;
 const MARGIN: f64 = 8.0;
+/// Rounds in which positions settle; a pull travels one layer a round.
+const SETTLE: usize = 300;
 
 /// Where everything goes.
 #[derive(Debug)]
@@ -217,24 +219,29 @@ fn positions(items: &Items, rows: &[Vec<usize>], boxes: usize) -> Vec<f64> {
         }
     };
     let apart = |a: usize, b: usize| half(a) + half(b) + GAP.0;
+    // A box holds its neighbours tighter than a waypoint does, so that chains of boxes hang straight.
+    let pull = |item: usize| if item < boxes { 4.0 } else { 1.0 };
     let mut x = vec![0.0; items.layer.len()];
     for row in rows {
         for pair in row.windows(2) {
             x[pair[1]] = x[pair[0]] + apart(pair[0], pair[1]);
         }
+        let middle = row.last().map_or(0.0, |last| x[*last] / 2.0);
+        for item in row {
+            x[*item] -= middle;
+        }
     }
-    for _ in 0..40 {
+    for _ in 0..SETTLE {
         for row in rows {
             let wanted: Vec<f64> = row
                 .iter()
                 .map(|&item| {
-                    let both = [mean(&items.up[item], &x), mean(&items.down[item], &x)];
-                    let known: Vec<f64> = both.into_iter().flatten().collect();
-                    if known.is_empty() {
-                        x[item]
-                    } else {
-                        known.iter().sum::<f64>() / known.len() as f64
+                    let (mut sum, mut weight) = (0.0, 0.0);
+                    for &neighbour in items.up[item].iter().chain(&items.down[item]) {
+                        sum += pull(neighbour) * x[neighbour];
+                        weight += pull(neighbour);
                     }
+                    if weight > 0.0 { sum / weight } else { x[item] }
                 })
                 .collect();
             // The nearest legal places from the left and from the right; their mean is legal too.
