@@ -67,11 +67,7 @@ fn full() -> Page {
 /// The page without what changes freely: styles, script, pictures' bytes, the plot.
 fn skeleton(html: &str) -> String {
     let mut kept = html.to_owned();
-    for (open, close) in [
-        ("<style>", "</style>"),
-        ("<script>", "</script>"),
-        ("<svg role", "</svg>"),
-    ] {
+    for (open, close) in [("<style>", "</style>"), ("<script>", "</script>"), ("<svg ", "</svg>")] {
         while let Some(start) = kept.find(open) {
             let end = kept[start..].find(close).expect("every element is closed") + start + close.len();
             let name: String = open[1..].chars().take_while(char::is_ascii_alphabetic).collect();
