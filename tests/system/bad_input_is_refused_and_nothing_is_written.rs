@@ -91,6 +91,12 @@ fn a_folder() {
     refused(&desk, &desk.path("folder")).says("folder");
 }
 
+#[cfg(unix)]
+#[test]
+fn a_device_without_end() {
+    refused(&Desk::new(), Path::new("/dev/zero")).says("no regular file");
+}
+
 #[test]
 fn a_decompression_bomb() {
     let desk = Desk::new();

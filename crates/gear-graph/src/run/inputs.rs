@@ -249,10 +249,15 @@ pub(super) fn resolve(run: &Run<'_>) -> Result<Vec<Given>, Vec<RunMistake>> {
 
 fn hash_file(path: &Path) -> Result<(Digest, Stamp), String> {
     let open = || -> std::io::Result<(Digest, Stamp)> {
-        let file = std::fs::File::open(path)?;
-        if file.metadata()?.is_dir() {
+        let kind = std::fs::metadata(path)?.file_type();
+        if kind.is_dir() {
             return Err(std::io::Error::other("this is a folder, expected a file"));
         }
+        // A pipe can be read only once, a device without end; an input is read twice.
+        if !kind.is_file() {
+            return Err(std::io::Error::other("this is no regular file; save it to one first"));
+        }
+        let file = std::fs::File::open(path)?;
         let stamp = stamp_of(path)?;
         let mut hasher = blake3::Hasher::new();
         hasher.update_reader(file)?;
