@@ -15,6 +15,9 @@ const EPSILON: f64 = 1e-15;
 const LOGIT_MAX: f32 = 9.0;
 /// Largest ratio of a Gaussian's scales.
 const NEEDLE_MAX: f32 = 200.0;
+/// A standard deviation grows to at most so many times the largest one that the Gaussian began with. At the rim of
+/// a picture nobody looks at what lies beyond, and without this limit Gaussians grow whiskers there.
+const GROWTH_MAX: f32 = 2.0;
 /// Gaussians handled by one task.
 const CHUNK: usize = 4096;
 
@@ -186,17 +189,17 @@ impl Anchored {
         }
     }
 
-    /// Keeps the attributes where they make sense: unit quaternions on the anchor's side, scales of 1e-4 to 0.2 extents and
-    /// no needles, opacities that can still change.
+    /// Keeps the attributes where they make sense: unit quaternions on the anchor's side, scales of 1e-4 to 0.2 extents,
+    /// no needles and no whiskers, opacities that can still change.
     fn restrain(&mut self) {
         let ln = |x: f32| libm::log(f64::from(x)) as f32;
         let (least, most) = (ln(1e-4 * self.extent), ln(0.2 * self.extent));
-        let ratio = ln(NEEDLE_MAX);
+        let (ratio, growth) = (ln(NEEDLE_MAX), ln(GROWTH_MAX));
         let anchor = &self.anchor;
         for (scales, start) in self.scene.log_scales.iter_mut().zip(&anchor.log_scales) {
             // What came outside the limits may stay there, but go no farther.
             let low = Vec3::splat(least).min(*start);
-            let high = Vec3::splat(most).max(*start);
+            let high = Vec3::splat(most.min(start.max_element() + growth)).max(*start);
             let held = scales.clamp(low, high);
             let allowed = ratio.max(start.max_element() - start.min_element());
             *scales = held.max(Vec3::splat(held.max_element() - allowed));
