@@ -1,5 +1,8 @@
 //! [`Tree`] → the names of a graph file, each with its place. Keys are checked here, names in [`super::check`].
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
 use super::{GRAPH_VERSION, nearest};
 use crate::params::yaml_trap;
 use crate::{Problem, Spanned, Tree, TreeKind};
@@ -31,6 +34,12 @@ pub struct Wiring<'t> {
     pub list: bool,
 }
 
+/// Names become parts of file names, which systems limit to 255 bytes.
+const LONGEST_NAME: usize = 60;
+
+/// What a run writes beside its outputs: `run.json` and `report.html`.
+const RESERVED: [&str; 2] = ["run", "report"];
+
 type Entries<'t> = &'t [(Spanned<String>, Tree)];
 
 /// Reads a whole file. `None` if it is no map at all.
@@ -49,7 +58,9 @@ pub fn read<'t>(tree: &'t Tree, problems: &mut Vec<Problem>) -> Option<File<'t>>
     for (id, tree) in section(top, "nodes", problems) {
         file.nodes.extend(node(id, tree, problems));
     }
-    for (name, tree) in section(top, "outputs", problems) {
+    let outputs = section(top, "outputs", problems);
+    output_names(outputs, problems);
+    for (name, tree) in outputs {
         if let Some(source) = text(tree, &format!("output `{}`", name.value), "`node.port`", problems) {
             file.outputs.push((name, source));
         }
@@ -200,14 +211,15 @@ fn node<'t>(id: &'t Spanned<String>, tree: &'t Tree, problems: &mut Vec<Problem>
     Some(node)
 }
 
-/// A name must be usable in `node.port` and in `--set`.
+/// A name must be usable in `node.port`, in `--set` and as the name of a file.
 fn good_name(name: &Spanned<String>, what: &str, problems: &mut Vec<Problem>) {
-    let good = name
-        .value
-        .chars()
-        .enumerate()
-        .all(|(i, c)| c.is_alphabetic() || c == '_' || (i > 0 && (c.is_ascii_digit() || c == '-')));
-    if !good || name.value.is_empty() {
+    let good = name.value.chars().count() <= LONGEST_NAME
+        && name.value.starts_with(char::is_alphabetic)
+        && name
+            .value
+            .chars()
+            .all(|c| c.is_alphabetic() || c.is_ascii_digit() || c == '_' || c == '-');
+    if !good {
         problems.push(
             Problem::error(
                 "bad-name",
@@ -215,8 +227,51 @@ fn good_name(name: &Spanned<String>, what: &str, problems: &mut Vec<Problem>) {
                 name.span,
                 "not a name",
             )
-            .help("a name begins with a letter and goes on with letters, digits, `_` and `-`"),
+            .help(format!(
+                "a name is a letter, then letters, digits, `_` and `-`; at most {LONGEST_NAME} characters"
+            )),
         );
+    }
+}
+
+/// Outputs become files beside the record of the run, also where capitals do not tell files apart.
+fn output_names(outputs: Entries<'_>, problems: &mut Vec<Problem>) {
+    let mut seen: HashMap<String, &Spanned<String>> = HashMap::new();
+    for (name, _) in outputs {
+        good_name(name, "output", problems);
+        let lower = name.value.to_lowercase();
+        if RESERVED.contains(&lower.as_str()) {
+            problems.push(
+                Problem::error(
+                    "reserved-name",
+                    format!("an output cannot be named `{}`", name.value),
+                    name.span,
+                    "taken",
+                )
+                .help("a run writes files of that name itself; give the output another one"),
+            );
+        }
+        match seen.entry(lower) {
+            Entry::Vacant(entry) => {
+                entry.insert(name);
+            }
+            // The very same key twice is reported for every map.
+            Entry::Occupied(first) if first.get().value != name.value => problems.push(
+                Problem::error(
+                    "duplicate-name",
+                    format!(
+                        "the outputs `{}` and `{}` differ only in capitals",
+                        first.get().value,
+                        name.value
+                    ),
+                    name.span,
+                    "again here",
+                )
+                .label(first.get().span, "first here")
+                .help("their files would be the same on some systems; give one of them another name"),
+            ),
+            Entry::Occupied(_) => {}
+        }
     }
 }
 

@@ -178,6 +178,19 @@ nodes:
   a.b: {node: Add, in: {of: x}}
 outputs: {y: x.sum}
 ";
+    output_names: "gear: 1
+inputs: {x: Number, _x: Number}
+nodes:
+  a: {node: Add, in: {of: [x, _x]}}
+outputs:
+  ../../evil: a.sum
+  /tmp/evil: a.sum
+  '': a.sum
+  report: a.sum
+  Run: a.sum
+  sum: a.sum
+  Sum: a.sum
+";
     input_types: "gear: 1
 inputs: {x: Numbr, y: {optional: true}, z: {type: Number, with: {scal: 2}}, r: {type: Report, with: {size: 2}}}
 nodes: {a: {node: Add, in: {of: [x, y, z]}}}
