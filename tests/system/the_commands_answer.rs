@@ -12,6 +12,9 @@ fn help_and_version_go_to_standard_output() {
         assert!(done.stdout.contains("gear"));
         assert_eq!(done.stderr, "");
     }
+    let help = desk.gear(&["--help"]).stdout;
+    assert!(help.starts_with("Turns one classical painting into"), "{help}");
+    assert!(help.contains("Exit codes") && help.contains("130"), "{help}");
     let done = desk.gear(&["fly"]).exits(2);
     assert_eq!(done.stdout, "");
 }
@@ -44,6 +47,11 @@ fn nodes_lists_them_and_shows_one() {
         assert!(one.contains(word), "{word} in {one}");
     }
     desk.gear(&["nodes", "LogRatoi"]).exits(2).says("LogRatio");
+    for (input, word) in [("Image", "768"), ("Mask", "4096")] {
+        let shown = desk.gear(&["nodes", input]).exits(0).stdout;
+        assert!(shown.contains("size") && shown.contains(word), "{shown}");
+    }
+    desk.gear(&["nodes", "Imag"]).exits(2).says("Image");
 }
 
 #[test]
@@ -61,7 +69,7 @@ fn a_graph_is_drawn() {
 #[test]
 fn a_shipped_graph_is_copied_but_never_over_a_file() {
     let desk = Desk::new();
-    desk.gear(&["graphs", "copy", "gear"]).exits(0);
+    desk.gear(&["graphs", "copy", "gear.yaml"]).exits(0);
     desk.gear(&["check", "gear.yaml"]).exits(0);
     desk.file("gear.yaml", "mine");
     desk.gear(&["graphs", "copy", "gear"]).exits(2).says("gear.yaml");
@@ -86,6 +94,39 @@ fn a_sample_comes_with_its_truth() {
         .exits(2)
         .says("16");
     assert_eq!(desk.listing("cat"), Vec::<String>::new());
+}
+
+#[test]
+fn samples_are_listed() {
+    let desk = Desk::new();
+    let list = desk.gear(&["sample"]).exits(0).stdout;
+    assert_eq!(list.lines().collect::<Vec<_>>(), gear_sample::names());
+    desk.gear(&["sample", "vessel"]).exits(2).says("--out");
+}
+
+#[test]
+fn a_plan_takes_the_arguments_of_a_run_and_writes_nothing() {
+    let desk = Desk::new();
+    let arguments = [
+        &["plan"],
+        &crate::MAIN[1..],
+        &["--input", "mask=sample:vessel", "--out", "out"],
+    ]
+    .concat();
+    let plan = desk.gear(&arguments).exits(0).stdout;
+    assert!(plan.contains("recompose"), "{plan}");
+    assert_eq!(desk.listing("out"), Vec::<String>::new());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn results_that_reach_nobody_are_an_error() {
+    let desk = Desk::new();
+    for arguments in [&["nodes"][..], &["--help"], &["graphs", "list"]] {
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let done: gear_tests::Done = desk.command(arguments).stdout(full).output().unwrap().into();
+        done.exits(1).says("standard output");
+    }
 }
 
 #[test]

@@ -4,9 +4,19 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-/// Turns a painting into an explorable 3D Gaussian scene, by running a graph of typed nodes.
+const AFTER: &str = "\
+Begin with:
+  gear run @gear --input painting=sample:court-lady --out out
+
+Exit codes:
+  0    all is done
+  1    a node failed, or a result could not be written
+  2    something in the command or its files must be mended
+  130  interrupted; the next run goes on from what is stored";
+
+/// Turns one classical painting into an explorable 3D Gaussian scene, by running a graph of typed nodes.
 #[derive(Debug, Parser)]
-#[command(name = "gear", version, about, max_term_width = 100)]
+#[command(name = "gear", version, max_term_width = 100, after_help = AFTER)]
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
@@ -21,15 +31,18 @@ pub enum Command {
     /// Find every mistake in a graph file, without running it
     Check(GraphArgs),
     /// Tell what a run would do: what runs, what is stored, what is left out and why
-    Plan(PlanArgs),
-    /// List the nodes, or show one: ports, parameters, ranges, units
+    ///
+    /// Takes the arguments of `gear run` and writes nothing.
+    #[command(mut_arg("out", |out| out.hide(true)))]
+    Plan(RunArgs),
+    /// List the nodes, or show a node or a kind of input: ports, parameters, ranges, units
     Nodes(NodesArgs),
     /// Draw a graph
     Graph(DrawArgs),
     /// The graphs that come with gear
     #[command(subcommand)]
     Graphs(GraphsCommand),
-    /// Paint a sample, with its true depth and normals beside it
+    /// List the samples, or paint one, with its true depth and normals beside it
     Sample(SampleArgs),
 }
 
@@ -83,7 +96,7 @@ pub struct RunArgs {
 /// `gear nodes`.
 #[derive(Debug, Args)]
 pub struct NodesArgs {
-    /// A node type
+    /// A node type, or the type of an input that can be given as a file
     pub name: Option<String>,
 }
 
@@ -125,11 +138,12 @@ pub enum GraphsCommand {
 /// `gear sample`.
 #[derive(Debug, Args)]
 pub struct SampleArgs {
-    /// The motif: court-lady, vessel or landscape-relief
-    pub name: String,
+    /// The motif: court-lady, vessel or landscape-relief; without it they are listed
+    #[arg(requires = "out")]
+    pub name: Option<String>,
     /// Where the files go; made if it is not there
     #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
+    pub out: Option<PathBuf>,
     /// Longer side in pixels
     #[arg(long, value_name = "PX", default_value_t = 768)]
     pub size: usize,

@@ -1,12 +1,14 @@
 //! What people and programs read: results on standard output, everything else on standard error.
 
-use std::io::{IsTerminal, Write, stderr, stdout};
+use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
+use std::sync::{Mutex, PoisonError};
 
 use crate::error::CliError;
 
 /// The two streams.
 pub struct Console {
     colour: bool,
+    lost: Mutex<Option<std::io::Error>>,
 }
 
 impl Console {
@@ -15,6 +17,7 @@ impl Console {
         let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
         Self {
             colour: wanted && stderr().is_terminal(),
+            lost: Mutex::default(),
         }
     }
 
@@ -28,10 +31,31 @@ impl Console {
         self.colour
     }
 
-    /// A result. A reader that has gone (`gear nodes | head -1`) is no error: it has all it wanted.
+    /// A result. What cannot be written is told at the end, by [`Console::complete`].
     pub fn result(&self, text: &str) {
         let mut out = stdout().lock();
-        let _ = writeln!(out, "{text}").and_then(|()| out.flush());
+        self.keep(writeln!(out, "{text}").and_then(|()| out.flush()));
+    }
+
+    /// Remembers the first failure to write to standard output. A reader that has gone (`gear nodes | head -1`) is
+    /// none: it has all it wanted.
+    pub fn keep(&self, written: std::io::Result<()>) {
+        if let Err(error) = written
+            && error.kind() != ErrorKind::BrokenPipe
+        {
+            self.lost
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .get_or_insert(error);
+        }
+    }
+
+    /// Whether every result reached standard output.
+    pub fn complete(&self) -> Result<(), CliError> {
+        match self.lost.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            Some(cause) => Err(CliError::StandardOutput { cause }),
+            None => Ok(()),
+        }
     }
 
     /// A remark.

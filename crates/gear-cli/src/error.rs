@@ -102,6 +102,12 @@ pub enum CliError {
         /// Why.
         cause: std::io::Error,
     },
+    /// Standard output does not take what is written to it.
+    #[error("standard output cannot be written: {cause}")]
+    StandardOutput {
+        /// Why.
+        cause: std::io::Error,
+    },
     /// A result could not be turned into a file.
     #[error("the output `{output}` cannot be written: {cause}")]
     Encode {
@@ -116,7 +122,7 @@ impl CliError {
     /// How the process ends.
     pub fn exit(&self) -> Exit {
         match self {
-            Self::Write { .. } | Self::Encode { .. } => Exit::Failed,
+            Self::Write { .. } | Self::StandardOutput { .. } | Self::Encode { .. } => Exit::Failed,
             _ => Exit::Mistake,
         }
     }

@@ -23,7 +23,7 @@ pub fn parse(given: &[String], graph: &Graph) -> Result<Vec<(String, Input)>, Cl
         }
         let input = graph.inputs().iter().find(|input| input.name == name);
         let parsed = match (value.strip_prefix("sample:"), input) {
-            (Some(sample), Some(input)) => sampled(sample, input)?,
+            (Some(sample), Some(input)) => sampled(sample, input, working_size(graph, input))?,
             _ => Input::file(value),
         };
         inputs.push((name.to_owned(), parsed));
@@ -31,12 +31,23 @@ pub fn parse(given: &[String], graph: &Graph) -> Result<Vec<(String, Input)>, Cl
     Ok(inputs)
 }
 
-/// A sample, painted at the working size of the input only when its pixels are needed.
-fn sampled(sample: &str, input: &GraphInput) -> Result<Input, CliError> {
-    let size = input.params().get("size").and_then(serde_json::Value::as_u64);
-    let longer_side = usize::try_from(size.unwrap_or(768)).unwrap_or(usize::MAX);
+/// The size at which a sample is painted for an input. A picture sets it; a mask follows the graph's first picture, as
+/// its own size is only an upper limit.
+fn working_size(graph: &Graph, input: &GraphInput) -> usize {
+    let picture = |input: &&GraphInput| input.value_type.name == "Image";
+    let sets = Some(input)
+        .filter(picture)
+        .or_else(|| graph.inputs().iter().find(picture));
+    let size = sets.and_then(|input| input.params().get("size")?.as_u64());
+    let size = size.and_then(|size| usize::try_from(size).ok());
+    size.unwrap_or(Options::default().longer_side)
+        .clamp(gear_sample::MIN_SIDE, gear_sample::MAX_SIDE)
+}
+
+/// A sample, painted only when its pixels are needed.
+fn sampled(sample: &str, input: &GraphInput, longer_side: usize) -> Result<Input, CliError> {
     let options = Options {
-        longer_side: longer_side.clamp(gear_sample::MIN_SIDE, gear_sample::MAX_SIDE),
+        longer_side,
         ..Options::default()
     };
     let encode: fn(Sample) -> Result<Vec<u8>, String> = match input.value_type.name {
@@ -107,6 +118,22 @@ mod tests {
         assert!(key(64).is_some());
         assert_eq!(key(64), key(64));
         assert_ne!(key(64), key(65));
+    }
+
+    #[test]
+    fn a_sample_s_mask_has_the_size_of_its_painting() {
+        let graph = |inputs: &str, nodes: &str, output: &str| {
+            let text = format!("gear: 1\ninputs: {{{inputs}}}\nnodes: {{{nodes}}}\noutputs: {{mask: {output}}}\n");
+            GraphSource::new("test", text).check(&crate::registry()).unwrap()
+        };
+        let mask = |graph: &Graph| working_size(graph, graph.inputs().iter().find(|i| i.name == "mask").unwrap());
+        let painted = graph(
+            "painting: {type: Image, with: {size: 96}}, mask: Mask",
+            "foreground: {node: Foreground, in: {image: painting, mask: mask}}",
+            "foreground.mask",
+        );
+        assert_eq!(mask(&painted), 96);
+        assert_eq!(mask(&graph("mask: Mask", "", "mask")), 768);
     }
 
     #[test]

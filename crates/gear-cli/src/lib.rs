@@ -45,26 +45,32 @@ use tracing_subscriber::fmt::format::FmtSpan;
 
 use args::{Arguments, Command};
 use console::Console;
-use error::Exit;
+use error::{CliError, Exit};
 
 /// Reads the arguments of the process, does what they ask for with the nodes of `registry`, and says how it ended:
-/// 0 done, 1 a node failed, 2 the user's mistake, 130 interrupted.
+/// 0 done, 1 a node failed or a result could not be written, 2 the user's mistake, 130 interrupted.
 ///
-/// Help and version go to standard output, mistakes in the arguments to standard error (then the process ends here).
+/// Help and version go to standard output, mistakes in the arguments to standard error.
 pub fn main_with(registry: &Registry) -> ExitCode {
-    let arguments = Arguments::parse();
     let console = Console::new();
     log();
-    let result = match &arguments.command {
-        Command::Run(options) => commands::run::run(options, registry, &console),
-        Command::Check(options) => commands::check::check(options, registry, &console),
-        Command::Plan(options) => commands::plan::plan(options, registry, &console),
-        Command::Nodes(options) => commands::nodes::nodes(options, registry, &console),
-        Command::Graph(options) => commands::graph::graph(options, registry, &console),
-        Command::Graphs(options) => commands::graphs::graphs(options, &console),
-        Command::Sample(options) => commands::sample::sample(options, &console),
+    let result = match Arguments::try_parse() {
+        Ok(arguments) => dispatch(&arguments.command, registry, &console),
+        Err(answer) if answer.use_stderr() => {
+            let _ = answer.print();
+            Ok(Exit::Mistake)
+        }
+        Err(help) => {
+            console.keep(help.print());
+            Ok(Exit::Done)
+        }
     };
-    let exit = result.unwrap_or_else(|error| {
+    // Results that nobody got are no results; a failure before that tells more.
+    let exit = match result {
+        Ok(Exit::Done) => console.complete().map(|()| Exit::Done),
+        other => other,
+    };
+    let exit = exit.unwrap_or_else(|error| {
         console.error(&error);
         error.exit()
     });
@@ -74,6 +80,18 @@ pub fn main_with(registry: &Registry) -> ExitCode {
         Exit::Mistake => 2,
         Exit::Interrupted => 130,
     })
+}
+
+fn dispatch(command: &Command, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    match command {
+        Command::Run(options) => commands::run::run(options, registry, console),
+        Command::Check(options) => commands::check::check(options, registry, console),
+        Command::Plan(options) => commands::plan::plan(&options.run, registry, console),
+        Command::Nodes(options) => commands::nodes::nodes(options, registry, console),
+        Command::Graph(options) => commands::graph::graph(options, registry, console),
+        Command::Graphs(options) => commands::graphs::graphs(options, console),
+        Command::Sample(options) => commands::sample::sample(options, console),
+    }
 }
 
 /// What happens inside, on standard error, for those who ask: `GEAR_LOG=info`, or any filter of `tracing`.

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use gear_graph::graph::nearest;
-use gear_graph::{Limits, NodeSpec, ParamKind, ParamSpec, PortSpec, Registry};
+use gear_graph::{Limits, LoaderSpec, NodeSpec, ParamKind, ParamSpec, PortSpec, Registry};
 
 use crate::args::NodesArgs;
 use crate::console::Console;
@@ -14,8 +14,13 @@ pub fn nodes(args: &NodesArgs, registry: &Registry, console: &Console) -> Result
         console.result(list(registry).trim_end());
         return Ok(Exit::Done);
     };
+    if let Some(loader) = registry.find_loader(name) {
+        console.result(describe_loader(&loader.spec).trim_end());
+        return Ok(Exit::Done);
+    }
     let Some(node) = registry.find_node(name) else {
-        let names: Vec<_> = registry.nodes().map(|node| node.spec.name).collect();
+        let inputs = registry.loaders().map(|loader| loader.spec.value_type.name);
+        let names: Vec<_> = registry.nodes().map(|node| node.spec.name).chain(inputs).collect();
         let help = match nearest(name, names.iter().copied()) {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("there are {}", names.join(", ")),
@@ -61,6 +66,25 @@ fn describe(spec: &NodeSpec) -> String {
     text
 }
 
+/// What a graph may say about an input of this type, under `with`.
+fn describe_loader(spec: &LoaderSpec) -> String {
+    let name = spec.value_type.name;
+    let mut text = format!(
+        "{name}, an input that can be given as a file, version {}\n\n",
+        spec.version
+    );
+    paragraph(&mut text, spec.doc, 2);
+    if !spec.params.is_empty() {
+        text.push_str("\nparameters, in a graph `NAME: {type: ");
+        let _ = writeln!(
+            text,
+            "{name}, with: {{…}}}}`, on the command line `--set NAME.PARAM=VALUE`"
+        );
+        params(&mut text, &spec.params, 2);
+    }
+    text
+}
+
 fn ports(text: &mut String, title: &str, ports: &[PortSpec], inputs: bool) {
     let _ = writeln!(text, "\n{title}");
     let width = ports.iter().map(|port| port.name.len()).max().unwrap_or(0);
@@ -93,7 +117,7 @@ fn params(text: &mut String, specs: &[ParamSpec], indent: usize) {
             facts.push(param.limits.to_string());
         }
         match &param.default {
-            Some(default) => facts.push(format!("default {default}")),
+            Some(default) => facts.push(format!("default {}", yaml(default))),
             None => facts.push("must be given".to_owned()),
         }
         let _ = writeln!(text, "{:indent$}{}: {}", "", param.name, facts.join("; "));
@@ -114,6 +138,32 @@ fn methods(text: &mut String, kind: &ParamKind, indent: usize) {
     }
 }
 
+/// A value as one types it after `--set NODE.PARAM=`, or in a graph file: YAML in one line.
+fn yaml(value: &serde_json::Value) -> String {
+    use serde_json::Value;
+    match value {
+        Value::String(word) if plain(word) => word.clone(),
+        Value::Array(items) => format!("[{}]", items.iter().map(yaml).collect::<Vec<_>>().join(", ")),
+        Value::Object(items) => {
+            let items: Vec<_> = items
+                .iter()
+                .map(|(name, item)| format!("{name}: {}", yaml(item)))
+                .collect();
+            format!("{{{}}}", items.join(", "))
+        }
+        // Numbers, booleans, null and quoted texts are written alike in JSON and YAML.
+        other => other.to_string(),
+    }
+}
+
+/// Whether a text needs no quotes: a word that no YAML reader takes for anything else.
+fn plain(word: &str) -> bool {
+    let reserved = ["true", "false", "null", "yes", "no", "on", "off", "y", "n"];
+    word.starts_with(|c: char| c.is_ascii_alphabetic())
+        && word.chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c))
+        && !reserved.contains(&word.to_ascii_lowercase().as_str())
+}
+
 fn paragraph(text: &mut String, doc: &str, indent: usize) {
     for line in doc.trim().lines().map(str::trim) {
         let _ = writeln!(text, "{:indent$}{line}", "");
@@ -127,6 +177,15 @@ fn summary(doc: &str) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn defaults_are_yaml_to_type() {
+        let shown = |value| yaml(&value);
+        assert_eq!(shown(serde_json::json!("soft")), "soft");
+        assert_eq!(shown(serde_json::json!({"soft": {"knee": 0.8}})), "{soft: {knee: 0.8}}");
+        assert_eq!(shown(serde_json::json!([-90.0, 90.0])), "[-90.0, 90.0]");
+        assert_eq!(shown(serde_json::json!("no")), "\"no\"");
+    }
 
     #[test]
     fn every_port_and_parameter_of_every_node_is_told_and_documented() {

@@ -13,7 +13,13 @@ use crate::error::{CliError, Exit};
 use crate::folder::Folder;
 
 pub fn sample(args: &SampleArgs, console: &Console) -> Result<Exit, CliError> {
-    let folder = Folder::probe(&args.out)?;
+    let (Some(name), Some(out)) = (&args.name, &args.out) else {
+        for name in gear_sample::names() {
+            console.result(name);
+        }
+        return Ok(Exit::Done);
+    };
+    let folder = Folder::probe(out)?;
     let options = Options {
         longer_side: args.size,
         background: match args.background {
@@ -29,12 +35,12 @@ pub fn sample(args: &SampleArgs, console: &Console) -> Result<Exit, CliError> {
         seed: args.seed,
         ..Options::default()
     };
-    let sample = gear_sample::paint(&args.name, &options).map_err(|cause| CliError::Sample {
-        asked: format!("gear sample {}", args.name),
+    let sample = gear_sample::paint(name, &options).map_err(|cause| CliError::Sample {
+        asked: format!("gear sample {name}"),
         cause,
     })?;
     let files = files(&sample).map_err(|cause| CliError::Encode {
-        output: args.name.clone(),
+        output: name.clone(),
         cause,
     })?;
     for file in files {
