@@ -3,16 +3,16 @@
 # Format, lints, documentation.
 check:
     cargo fmt --all --check
-    cargo clippy --workspace --all-targets -- -D warnings
-    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+    cargo clippy --workspace --all-targets --locked -- -D warnings
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
 
 # All tests.
 test:
-    cargo test --workspace
+    cargo test --workspace --locked
 
 # The main job on a sample.
 run sample="court-lady":
-    cargo run --release --bin gear -- run @gear --input painting=sample:{{sample}} --out out
+    cargo run --release --locked --bin gear -- run @gear --input painting=sample:{{sample}} --out out
 
 # Work–precision and speed figures.
 bench:

@@ -82,6 +82,34 @@ fn one_colour() {
 }
 
 #[test]
+fn a_mask_that_says_nothing_or_does_not_fit_is_told_of() {
+    let desk = Desk::new();
+    let mask = |width, height, value| {
+        let picture = image::GrayImage::from_pixel(width, height, image::Luma([value]));
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+        desk.file("mask.png", bytes.into_inner())
+    };
+    let run = || {
+        let more = ["--input", "mask=mask.png", "--output", "foreground"];
+        desk.gear(&[MAIN, &more].concat()).exits(0)
+    };
+    mask(50, 64, 0);
+    run().says("note: foreground: the mask is empty");
+    let record = desk.record("out").0;
+    let nodes = record["nodes"].as_array().unwrap();
+    let foreground = nodes.iter().find(|node| node["id"] == "foreground").unwrap();
+    assert!(
+        foreground["notes"][0]
+            .as_str()
+            .unwrap()
+            .contains("the whole canvas is used")
+    );
+    mask(64, 20, 255);
+    run().says("the mask's proportions (64x20) differ from the painting's");
+}
+
+#[test]
 fn a_store_that_cannot_be_written_only_costs_the_store() {
     let desk = Desk::new();
     desk.file("graph.yaml", SMALL);

@@ -118,6 +118,48 @@ fn a_plan_takes_the_arguments_of_a_run_and_writes_nothing() {
     assert_eq!(desk.listing("out"), Vec::<String>::new());
 }
 
+#[test]
+fn a_log_has_a_line_a_node_unless_it_is_to_be_quiet() {
+    let desk = Desk::new();
+    desk.file("graph.yaml", crate::SMALL);
+    let run = |more: &[&str]| {
+        let arguments = ["run", "graph.yaml", "--input", "painting=sample:vessel"];
+        desk.gear(&[&arguments[..], more].concat()).exits(0)
+    };
+    let first = run(&[]);
+    for node in ["painting", "edges", "ratio", "pyramid", "enhance"] {
+        let lines = first
+            .stderr
+            .lines()
+            .filter(|line| line.starts_with(&format!("{node}: ")));
+        assert_eq!(lines.count(), 1, "{node} in {}", first.stderr);
+    }
+    run(&[]).says("pyramid: stored");
+    assert_eq!(run(&["--quiet"]).stderr, "");
+    assert!(
+        first.stdout.lines().all(|line| line.starts_with("out")),
+        "{}",
+        first.stdout
+    );
+}
+
+#[test]
+fn files_of_an_earlier_run_do_not_stay_beside_those_of_the_next() {
+    let desk = Desk::new();
+    desk.file("graph.yaml", crate::SMALL);
+    let arguments = ["run", "graph.yaml", "--input", "painting=sample:vessel", "--out", "out"];
+    desk.gear(&arguments).exits(0);
+    desk.file("out/notes.txt", "mine");
+    assert!(desk.listing("out").contains(&"edges.exr".to_owned()));
+    desk.gear(&[&arguments[..], &["--output", "enhanced"]].concat())
+        .exits(0)
+        .says("4 files of an earlier run were removed");
+    assert_eq!(
+        desk.listing("out"),
+        ["enhanced.png", "notes.txt", "report.html", "run.json"]
+    );
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn results_that_reach_nobody_are_an_error() {

@@ -33,7 +33,7 @@ pub enum Command {
     /// Tell what a run would do: what runs, what is stored, what is left out and why
     ///
     /// Takes the arguments of `gear run` and writes nothing.
-    #[command(mut_arg("out", |out| out.hide(true)))]
+    #[command(mut_arg("out", |out| out.hide(true)), mut_arg("quiet", |quiet| quiet.hide(true)))]
     Plan(RunArgs),
     /// List the nodes, or show a node or a kind of input: ports, parameters, ranges, units
     Nodes(NodesArgs),
@@ -91,6 +91,9 @@ pub struct RunArgs {
     /// Where the files go; made if it is not there
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
+    /// Tell nothing but notes, warnings and errors on standard error
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 /// `gear nodes`.

@@ -64,6 +64,11 @@ impl Console {
         let _ = writeln!(stderr().lock(), "{text}");
     }
 
+    /// Something worth knowing.
+    pub fn note(&self, text: &str) {
+        self.remark(&format!("note: {text}"));
+    }
+
     /// Something odd.
     pub fn warning(&self, text: &str) {
         self.remark(&format!("{}: {text}", self.painted("warning", 33)));

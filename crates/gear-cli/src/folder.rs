@@ -1,13 +1,17 @@
 //! The output folder: no half-written file ever stands there under its final name, and a file that is right already
 //! is left alone.
 
+use std::collections::BTreeSet;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use gear_image::io::{WriteError, write_atomically};
 
 use crate::bundle::File;
 use crate::error::CliError;
+
+/// The record of a run.
+pub const RECORD: &str = "run.json";
 
 /// A folder that could be written when it was looked at.
 pub struct Folder {
@@ -48,6 +52,41 @@ impl Folder {
         Err(refuse("no part of this path exists".to_owned()))
     }
 
+    /// The files that earlier runs wrote here, by the record that the last of them left; names below the folder with
+    /// `/`. Names that lead out of the folder are not believed.
+    pub fn recorded(&self) -> BTreeSet<String> {
+        let text = std::fs::read(self.path.join(RECORD)).unwrap_or_default();
+        let record: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+        let names = record["files"].as_array().into_iter().flatten();
+        names
+            .filter_map(|name| name.as_str())
+            .filter(|name| stays_below(Path::new(name)))
+            .map(str::to_owned)
+            .collect()
+    }
+
+    /// Removes these files, and folders that are empty then; how many files are gone. Whatever cannot be removed stays.
+    pub fn remove<'n>(&self, names: impl Iterator<Item = &'n String>) -> usize {
+        let mut gone = 0;
+        for name in names {
+            let path = self.path.join(name);
+            // A folder that was replaced by a link leads elsewhere.
+            let folders = Path::new(name).ancestors().skip(1);
+            let linked = |folder: &Path| self.path.join(folder).symlink_metadata().is_ok_and(|m| m.is_symlink());
+            if folders.clone().filter(|f| !f.as_os_str().is_empty()).any(linked) {
+                continue;
+            }
+            if path.symlink_metadata().is_ok_and(|found| found.is_file()) && std::fs::remove_file(&path).is_ok() {
+                gone += 1;
+                for folder in folders.filter(|f| !f.as_os_str().is_empty()) {
+                    // Fails, as it should, where something else is left.
+                    let _ = std::fs::remove_dir(self.path.join(folder));
+                }
+            }
+        }
+        gone
+    }
+
     /// Writes a file below the folder; its path. A file that has these bytes already is left alone.
     pub fn write(&self, file: &File) -> Result<PathBuf, CliError> {
         let path = self.path.join(&file.name);
@@ -69,6 +108,10 @@ impl Folder {
     }
 }
 
+fn stays_below(name: &Path) -> bool {
+    name.components().count() > 0 && name.components().all(|part| matches!(part, Component::Normal(_)))
+}
+
 fn holds(path: &Path, bytes: &[u8]) -> bool {
     let same_length = std::fs::metadata(path).is_ok_and(|found| found.is_file() && found.len() == bytes.len() as u64);
     same_length && std::fs::read(path).is_ok_and(|found| found == bytes)
@@ -84,6 +127,26 @@ mod tests {
         Folder::probe(&root.path().join("a/b")).unwrap();
         Folder::probe(root.path()).unwrap();
         assert_eq!(std::fs::read_dir(root.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn only_recorded_files_below_the_folder_are_removed() {
+        let root = tempfile::tempdir().unwrap();
+        let out = root.path().join("out");
+        std::fs::create_dir_all(out.join("views")).unwrap();
+        for name in ["mine.txt", "out/a.png", "out/notes.txt", "out/views/b.png"] {
+            std::fs::write(root.path().join(name), "x").unwrap();
+        }
+        let folder = Folder::probe(&out).unwrap();
+        let record = r#"{"files": ["a.png", "views/b.png", "../mine.txt", "/etc/passwd", "", 7, "gone.png"]}"#;
+        std::fs::write(out.join(RECORD), record).unwrap();
+        let names = folder.recorded();
+        assert_eq!(names.iter().collect::<Vec<_>>(), ["a.png", "gone.png", "views/b.png"]);
+        assert_eq!(folder.remove(names.iter()), 2);
+        assert!(!out.join("views").exists() && out.join("notes.txt").exists());
+        assert!(root.path().join("mine.txt").exists());
+        std::fs::write(out.join(RECORD), "no JSON").unwrap();
+        assert!(folder.recorded().is_empty());
     }
 
     #[test]

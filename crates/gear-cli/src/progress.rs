@@ -1,24 +1,38 @@
-//! Progress bars: one for the run, one for every node at work with its own progress and remark. Nothing at all when
-//! standard error is no terminal.
+//! Progress. On a terminal, bars: one for the run, one for every node at work with its own progress and remark. In a
+//! file or a pipe, one line a node that is done.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use gear_graph::Event;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// The bars of a run.
+use crate::console::Console;
+
+/// What is shown while a run goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Show {
+    /// Bars, on a terminal.
+    Bars,
+    /// A line a node, in a log.
+    Lines,
+    /// Nothing.
+    Nothing,
+}
+
+/// The progress of a run.
 pub struct Progress {
     bars: MultiProgress,
     whole: ProgressBar,
     nodes: Mutex<BTreeMap<String, ProgressBar>>,
+    lines: Option<Mutex<BTreeSet<String>>>,
 }
 
 impl Progress {
-    /// Bars on standard error, or none.
-    pub fn new(interactive: bool) -> Self {
-        let target = if interactive {
+    /// Shows it on standard error.
+    pub fn new(show: Show) -> Self {
+        let target = if show == Show::Bars {
             ProgressDrawTarget::stderr()
         } else {
             ProgressDrawTarget::hidden()
@@ -30,11 +44,18 @@ impl Progress {
             bars,
             whole,
             nodes: Mutex::default(),
+            lines: (show == Show::Lines).then(Mutex::default),
         }
     }
 
     /// Shows what happens.
     pub fn event(&self, event: &Event<'_>) {
+        if let Some(told) = &self.lines {
+            let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(line) = line(event, &mut told) {
+                Console::new().remark(&line);
+            }
+        }
         match event {
             Event::Started { sites } => self.whole.set_length(*sites as u64),
             Event::Running { node, type_name, .. } => {
@@ -86,7 +107,42 @@ impl Progress {
     }
 }
 
+/// The line that tells of a node that is done; one of what is stored, however many outputs that are.
+fn line(event: &Event<'_>, told: &mut BTreeSet<String>) -> Option<String> {
+    let (node, what) = match event {
+        Event::Ran { node, seconds } => (*node, format!("{seconds:.2} s")),
+        Event::Hit { node, .. } if told.insert((*node).to_owned()) => (*node, "stored".to_owned()),
+        Event::Failed { failure } => (failure.node.as_str(), "failed".to_owned()),
+        Event::Skipped { node, because_of } => (*node, format!("skipped, because `{because_of}` failed")),
+        _ => return None,
+    };
+    Some(format!("{node}: {what}"))
+}
+
 fn style(template: &str) -> ProgressStyle {
     // The templates are the two above; a mistake in them would be seen at once, and then the plain bar serves.
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_node_has_one_line_however_many_outputs_it_has() {
+        let mut told = BTreeSet::new();
+        let digest = gear_graph::Digest::of(b"value");
+        let hit = |output| Event::Hit {
+            node: "edges",
+            output,
+            digest: &digest,
+        };
+        assert_eq!(line(&hit("a"), &mut told).as_deref(), Some("edges: stored"));
+        assert_eq!(line(&hit("b"), &mut told), None);
+        let ran = Event::Ran {
+            node: "ratio",
+            seconds: 0.125,
+        };
+        assert_eq!(line(&ran, &mut told).as_deref(), Some("ratio: 0.12 s"));
+    }
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use gear_graph::{Choice, Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Want, Wanted};
 use gear_image::{Image, Mask};
-use gear_relief::mask::{self, Found, Settings};
+use gear_relief::mask::{self, Found, Mode, Settings};
 use serde_json::json;
 
 /// The figure in front of its ground, or the whole canvas when none can be told apart.
@@ -104,6 +104,11 @@ impl Node for Foreground {
     fn run(&self, inputs: In, want: &Want, ctx: &Context) -> Result<Out, NodeError> {
         let (width, height) = inputs.image.size();
         ctx.checkpoint()?;
+        if let Some(given) = &inputs.mask {
+            for note in oddities(given, width, height) {
+                ctx.note(note);
+            }
+        }
         let found = match (&inputs.mask, &self.method) {
             (Some(given), _) => mask::given(given, width, height),
             (None, Method::Relief) => mask::relief(width, height),
@@ -130,6 +135,27 @@ impl Foreground {
             least_confidence: self.least_confidence,
         }
     }
+}
+
+/// What a user should hear about the mask that was given for a picture of this size.
+fn oddities(mask: &Mask, width: usize, height: usize) -> Vec<String> {
+    let mut odd = Vec::new();
+    let inside = mask.count();
+    if inside == 0 {
+        odd.push("the mask is empty (black everywhere, and white is inside); the whole canvas is used".to_owned());
+    } else if inside < mask.len() && mask::given(mask, width, height).mode == Mode::Relief {
+        odd.push("nothing of the mask is left at the painting's size; the whole canvas is used".to_owned());
+    }
+    // Half a pixel either way, in both: what rounding to whole pixels can make of equal proportions.
+    let (mw, mh) = mask.size();
+    let [w, h, across, down] = [width, height, mw, mh].map(|n| n as f64);
+    let slack = 0.01 + 0.5 * (1.0 / w + 1.0 / h + 1.0 / across + 1.0 / down);
+    if ((w * down) / (h * across)).max((h * across) / (w * down)) > 1.0 + slack {
+        odd.push(format!(
+            "the mask's proportions ({mw}x{mh}) differ from the painting's ({width}x{height}); it is stretched to fit"
+        ));
+    }
+    odd
 }
 
 fn describe(found: &Found) -> serde_json::Value {
@@ -206,6 +232,17 @@ mod tests {
         let (w, h) = sample.painting.size();
         assert_eq!(mask.size(), (w, h));
         assert!(mask.at(0, h / 2) && !mask.at(w - 1, h / 2));
+    }
+
+    #[test]
+    fn an_odd_mask_is_told_of() {
+        let told = |mask: Mask, width, height| oddities(&mask, width, height).join("; ");
+        assert_eq!(told(Mask::from_fn(30, 40, |x, _| x < 9), 120, 160), "");
+        // The same picture at two working sizes: sides are rounded.
+        assert_eq!(told(Mask::filled(4096, 3001, true), 768, 563), "");
+        assert!(told(Mask::filled(30, 40, false), 120, 160).contains("empty"));
+        assert!(told(Mask::filled(40, 30, true), 120, 160).contains("proportions (40x30)"));
+        assert!(told(Mask::from_fn(900, 900, |x, y| x + y == 0), 90, 90).contains("nothing of the mask is left"));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! The order matters. Everything that can be wrong with what was asked for is found before anything runs and before
 //! anything is written; a file that cannot be decoded is found while it is loaded, and then nothing is written either.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -14,13 +14,16 @@ use crate::artefacts::Artefacts;
 use crate::bundle::{self, File};
 use crate::console::Console;
 use crate::error::{CliError, Exit};
-use crate::folder::Folder;
+use crate::folder::{Folder, RECORD};
 use crate::gallery::Gallery;
 use crate::outputs;
 use crate::page::{Sources, page};
-use crate::progress::Progress;
+use crate::progress::{Progress, Show};
 
 use super::plan::{open, set_up};
+
+/// The page.
+const PAGE: &str = "report.html";
 
 pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
     let graph = open(&args.run, registry, console)?;
@@ -28,7 +31,7 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
     let folder = Folder::probe(&args.out)?;
     let artefacts = Arc::new(Artefacts::new(store));
     let gallery = Arc::new(Gallery::open(Arc::clone(&artefacts)));
-    let progress = Arc::new(Progress::new(console.interactive()));
+    let progress = Arc::new(Progress::new(how_to_show(args.quiet, console)));
 
     let observer = {
         let (gallery, progress) = (Arc::clone(&gallery), Arc::clone(&progress));
@@ -56,12 +59,22 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
         return Ok(Exit::Interrupted);
     }
     write(&folder, &outcome, &artefacts, &gallery, &graph, console)?;
-    console.remark(&summary(report));
+    if !args.quiet {
+        console.remark(&summary(report));
+    }
     Ok(if report.status == RunStatus::Done {
         Exit::Done
     } else {
         Exit::Failed
     })
+}
+
+fn how_to_show(quiet: bool, console: &Console) -> Show {
+    match (quiet, console.interactive()) {
+        (true, _) => Show::Nothing,
+        (false, true) => Show::Bars,
+        (false, false) => Show::Lines,
+    }
 }
 
 /// A flag that the first Ctrl-C sets. The second ends the process.
@@ -84,7 +97,7 @@ fn tell(event: &Event<'_>, progress: &Progress) {
     let console = Console::new();
     match event {
         Event::Warning { message } => progress.between(|| console.warning(message)),
-        Event::Note { node, note } => progress.between(|| console.remark(&format!("note: {node}: {note}"))),
+        Event::Note { node, note } => progress.between(|| console.note(&format!("{node}: {note}"))),
         _ => {}
     }
 }
@@ -98,8 +111,10 @@ fn write(
     graph: &gear_graph::Graph,
     console: &Console,
 ) -> Result<(), CliError> {
+    let earlier = folder.recorded();
     let mut reports = BTreeMap::new();
     let mut written = Vec::new();
+    let mut names = BTreeSet::from([RECORD.to_owned(), PAGE.to_owned()]);
     for output in &outcome.report.outputs {
         let Some(digest) = outcome.digest(&output.name) else {
             continue;
@@ -128,6 +143,7 @@ fn write(
         }
         let mut paths = Vec::new();
         for file in &files {
+            names.insert(file.name.clone());
             paths.push(folder.write(file)?);
         }
         // The views of one output are one result.
@@ -136,13 +152,17 @@ fn write(
             _ => written.append(&mut paths),
         }
     }
-    let record = Report::new(&outcome.report)
-        .and_then(|report| gear_graph::Value::encode(&report))
-        .map_err(|error| CliError::Encode {
-            output: "run.json".to_owned(),
-            cause: error.to_string(),
-        })?;
-    written.push(folder.write(&File::new("run.json", record))?);
+    // A run that failed takes nothing away; what it leaves standing is still gear's to remove later.
+    let stale: BTreeSet<String> = earlier.difference(&names).cloned().collect();
+    if outcome.report.status == RunStatus::Done {
+        let gone = folder.remove(stale.iter());
+        if gone > 0 {
+            console.note(&format!("{gone} files of an earlier run were removed from the folder"));
+        }
+    } else {
+        names.extend(stale);
+    }
+    written.push(folder.write(&File::new(RECORD, record(&outcome.report, &names)?))?);
     let page = page(&Sources {
         report: &outcome.report,
         graph,
@@ -150,14 +170,27 @@ fn write(
         reports: &reports,
     });
     let html = page.render().map_err(|error| CliError::Encode {
-        output: "report.html".to_owned(),
+        output: PAGE.to_owned(),
         cause: error.to_string(),
     })?;
-    written.push(folder.write(&File::new("report.html", html.into_bytes()))?);
+    written.push(folder.write(&File::new(PAGE, html.into_bytes()))?);
     for path in written {
         console.result(&path.display().to_string());
     }
     Ok(())
+}
+
+/// `run.json`: the report of the run, and the files that gear wrote into the folder.
+fn record(report: &RunReport, files: &BTreeSet<String>) -> Result<Vec<u8>, CliError> {
+    let encode = || {
+        let mut record = Report::new(report)?;
+        record.0["files"] = files.iter().map(String::as_str).collect();
+        gear_graph::Value::encode(&record)
+    };
+    encode().map_err(|error| CliError::Encode {
+        output: RECORD.to_owned(),
+        cause: error.to_string(),
+    })
 }
 
 /// One line: how long, what ran, what came from the store.
