@@ -2,8 +2,10 @@
 
 use std::fmt;
 
-use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource, SourceCode};
+use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, SourceCode};
 
+use super::excerpt::{Excerpt, Lines};
+use super::suggest::clip;
 use crate::{Problem, Severity, Span};
 
 /// A text that problems point into.
@@ -19,14 +21,31 @@ pub struct Source {
 #[derive(Clone, Default)]
 pub struct Mistakes {
     sources: Vec<Source>,
+    /// The lines of each source.
+    lines: Vec<Lines>,
     problems: Vec<Problem>,
 }
 
 impl Mistakes {
-    /// Problems with the texts they point into, in the order of their places.
+    /// Problems with the texts they point into, in the order of their places. What they quote is cut to a length
+    /// that can be read.
     pub fn new(sources: Vec<Source>, mut problems: Vec<Problem>) -> Self {
         problems.sort_by_key(|problem| problem.labels.first().map(|(span, _)| *span));
-        Self { sources, problems }
+        for problem in &mut problems {
+            clip(&mut problem.message);
+            if let Some(help) = &mut problem.help {
+                clip(help);
+            }
+            for (_, remark) in &mut problem.labels {
+                clip(remark);
+            }
+        }
+        let lines = sources.iter().map(|source| Lines::of(&source.text)).collect();
+        Self {
+            sources,
+            lines,
+            problems,
+        }
     }
 
     /// The problems.
@@ -49,9 +68,8 @@ impl Mistakes {
         let Some(source) = self.sources.get(span.source as usize) else {
             return ("", 1, 1);
         };
-        let before = source.text.get(..span.start as usize).unwrap_or_default();
-        let line = before.matches('\n').count() + 1;
-        let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+        let (lines, start) = (&self.lines[span.source as usize], span.start as usize);
+        let (line, column) = (lines.at(start) + 1, lines.column(&source.text, start) + 1);
         (&source.name, line, column)
     }
 
@@ -70,7 +88,7 @@ impl Mistakes {
             if !text.is_empty() {
                 text.push('\n');
             }
-            let shown = Shown::new(problem, &self.sources);
+            let shown = Shown::new(problem, self);
             // Writing to a String cannot fail.
             let _ = handler.render_report(&mut text, &shown);
         }
@@ -119,17 +137,23 @@ impl std::error::Error for Mistakes {}
 /// One problem as miette sees it.
 struct Shown<'a> {
     problem: &'a Problem,
-    source: Option<NamedSource<String>>,
+    excerpt: Option<Excerpt<'a>>,
 }
 
 impl<'a> Shown<'a> {
-    fn new(problem: &'a Problem, sources: &'a [Source]) -> Self {
-        let source = problem
-            .labels
-            .first()
-            .and_then(|(span, _)| sources.get(span.source as usize))
-            .map(|source| NamedSource::new(&source.name, source.text.clone()));
-        Self { problem, source }
+    fn new(problem: &'a Problem, mistakes: &'a Mistakes) -> Self {
+        let excerpt = problem.labels.first().and_then(|(main, _)| {
+            let number = main.source as usize;
+            let labels: Vec<_> = problem
+                .labels
+                .iter()
+                .filter(|(span, _)| span.source == main.source)
+                .map(|(span, remark)| (*span, remark.as_str()))
+                .collect();
+            let source = mistakes.sources.get(number)?;
+            Some(Excerpt::new(source, &mistakes.lines[number], &labels))
+        });
+        Self { problem, excerpt }
     }
 }
 
@@ -167,19 +191,10 @@ impl miette::Diagnostic for Shown<'_> {
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.source.as_ref().map(|source| source as &dyn SourceCode)
+        self.excerpt.as_ref().map(|excerpt| excerpt as &dyn SourceCode)
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let source = self.problem.labels.first()?.0.source;
-        let labels = self
-            .problem
-            .labels
-            .iter()
-            .filter(move |(span, _)| span.source == source)
-            .map(|(span, remark)| {
-                LabeledSpan::new(Some(remark.clone()), span.start as usize, (span.len as usize).max(1))
-            });
-        Some(Box::new(labels))
+        Some(Box::new(self.excerpt.as_ref()?.labels()))
     }
 }

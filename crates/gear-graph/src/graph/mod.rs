@@ -16,6 +16,7 @@
 //! All three report every mistake they find.
 
 mod check;
+mod excerpt;
 mod export;
 mod file;
 mod mistakes;

@@ -1,4 +1,4 @@
-//! The nearest name to a misspelt one.
+//! Help with names: the nearest one to a misspelt one, and long ones cut to what can be read.
 
 /// The name that `word` was most likely meant to be, if one is near: edit distance (with swaps of neighbours) of at
 /// most two fifths of the longer word, ignoring case.
@@ -38,9 +38,50 @@ fn distance(a: &str, b: &str) -> usize {
     above[b.len()]
 }
 
+/// The longest quoted text, and the longest message, in characters.
+const QUOTE: usize = 60;
+const MESSAGE: usize = 800;
+
+/// Cuts what a message quotes (between backticks) to 60 characters, and the whole of it to a few lines.
+pub(crate) fn clip(message: &mut String) {
+    if message.len() <= QUOTE {
+        return;
+    }
+    let shorter = |text: &str, most: usize| match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_string(),
+    };
+    let parts: Vec<_> = message
+        .split('`')
+        .enumerate()
+        .map(|(i, part)| {
+            if i % 2 == 1 {
+                shorter(part, QUOTE)
+            } else {
+                part.to_string()
+            }
+        })
+        .collect();
+    *message = shorter(&parts.join("`"), MESSAGE);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_quoted_is_cut_and_what_is_said_is_not() {
+        let said = "a sentence of more than sixty characters that quotes nothing stays as it is, quoting `little` too";
+        let mut message = said.to_string();
+        clip(&mut message);
+        assert_eq!(message, said);
+        let mut message = format!("found the text `{}`, expected `a`", "é".repeat(1_000_000));
+        clip(&mut message);
+        assert_eq!(message, format!("found the text `{}…`, expected `a`", "é".repeat(60)));
+        let mut message = "`".repeat(1_000_000);
+        clip(&mut message);
+        assert!(message.len() < 1000);
+    }
 
     #[test]
     fn a_slip_finds_its_name_and_a_stranger_finds_none() {

@@ -277,6 +277,20 @@ outputs: {chosen: choose.chosen, raw: x}
 }
 
 #[test]
+fn a_huge_text_is_not_told_back() {
+    let word = "word".repeat(250_000);
+    for text in [
+        word.clone(),
+        format!("{{gear: 1, inputs: {{{word}: {word}}}, outputs: {{y: {word}}}, {word}: 1}}"),
+        format!("gear: [{word}"),
+    ] {
+        let said = mistakes(&text);
+        assert!(said.len() < 8_000, "{} bytes", said.len());
+        assert!(said.contains("word…"), "{said}");
+    }
+}
+
+#[test]
 fn no_text_makes_the_reader_panic() {
     let good = "gear: 1\ninputs: {x: Number}\nnodes:\n  a: {node: Add, in: {of: [x, x]}, with: {plus: 1}}\noutputs: {y: a.sum}\n";
     for cut in 0..good.len() {

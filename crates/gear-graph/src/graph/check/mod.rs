@@ -80,6 +80,7 @@ pub fn check(name: &str, file: &File<'_>, registry: &Registry, problems: &mut Ve
         inputs: &inputs,
         first_slot: &first_slot,
         problems,
+        guesses: 100,
     };
     let mut wires = Vec::new();
     let mut first_wire = vec![0; inputs.len() + 1];

@@ -12,6 +12,8 @@ pub(super) struct Checker<'c, 'f> {
     pub inputs: &'c [Option<GraphInput>],
     pub first_slot: &'c [u32],
     pub problems: &'c mut Vec<Problem>,
+    /// How many more unknown names are compared with all names: in a large file that costs much for each.
+    pub guesses: u32,
 }
 
 impl Checker<'_, '_> {
@@ -196,6 +198,8 @@ impl Checker<'_, '_> {
             Some((id, port)) => (id, Some(port)),
             None => (source.value, None),
         };
+        let guess = self.guesses > 0;
+        self.guesses = self.guesses.saturating_sub(1);
         let outputs_of = |id: &str| -> Vec<String> {
             let spec = self
                 .names
@@ -213,14 +217,8 @@ impl Checker<'_, '_> {
                 Some(format!("write {}", outputs_of(name).join(" or "))),
             ),
             None => {
-                let near = nearest(
-                    name,
-                    self.names
-                        .inputs
-                        .keys()
-                        .copied()
-                        .chain(self.names.nodes.keys().copied()),
-                );
+                let names = self.names.inputs.keys().chain(self.names.nodes.keys());
+                let near = nearest(name, names.copied().take(if guess { usize::MAX } else { 0 }));
                 let help = near.map(|near| match outputs_of(near).first() {
                     Some(output) => format!("did you mean `{output}`?"),
                     None => format!("did you mean `{near}`?"),
@@ -232,7 +230,8 @@ impl Checker<'_, '_> {
                 Some(format!("write `{name}`")),
             ),
             Some(port) => {
-                let near = nearest(name, self.names.nodes.keys().copied());
+                let names = self.names.nodes.keys().copied();
+                let near = nearest(name, names.take(if guess { usize::MAX } else { 0 }));
                 (
                     format!("there is no node `{name}`"),
                     near.map(|near| format!("did you mean `{near}.{port}`?")),
