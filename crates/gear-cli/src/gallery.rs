@@ -12,18 +12,18 @@ use std::thread::JoinHandle;
 use gear_graph::{AnyValue, Digest, Event, ValueType};
 use gear_image::{Field, Image, Mask};
 use gear_report::Picture;
-use gear_report::picture::{PictureError, Pixels};
+use gear_report::picture::{self, PictureError, Pixels};
 use gear_splat::Views;
 
 use crate::artefacts::Artefacts;
 use crate::bundle::{self, File};
-use crate::outputs::picture_of;
+use crate::outputs::{is_height, picture_of};
 
 /// Longer side of the picture of a stage, and of a view, in pixels.
 const STAGE: usize = 720;
 const VIEW: usize = 400;
 /// Raise when the same value gives another picture.
-const PICTURE_VERSION: u32 = 1;
+const PICTURE_VERSION: u32 = 2;
 
 /// The pictures of a run.
 pub struct Gallery {
@@ -87,7 +87,8 @@ impl Gallery {
         }
     }
 
-    /// The pictures of an output: one with an empty name, or one a view with the view's name. Empty if there is none.
+    /// The pictures of an output: one, or one a view with the view's name. Empty if there is none. The name of a single
+    /// picture is empty, or the value that is fully red in it (see [`picture::scale`]).
     pub fn pictures(&self, node: &str, output: &str, value_type: &ValueType) -> Vec<(String, Picture)> {
         let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(digest) = seen.get(&(node.to_owned(), output.to_owned())).copied() else {
@@ -139,7 +140,10 @@ fn pictures_of(output: &str, value: &AnyValue) -> Result<Vec<File>, PictureError
     } else if let Some(mask) = value.get::<Mask>() {
         Ok(one(Pixels::of_mask(&mask).at_most(STAGE).png()?))
     } else if let Some(field) = value.get::<Field>() {
-        Ok(one(picture_of(output, &field).at_most(STAGE).jpeg()?))
+        let picture = picture_of(output, &field).at_most(STAGE).jpeg()?;
+        let scale = picture::scale(&field).filter(|_| !is_height(output));
+        let name = scale.map(|scale| scale.to_string()).unwrap_or_default();
+        Ok(vec![File::new(name, picture.pack())])
     } else if let Some(views) = value.get::<Views>() {
         let paint = |view| Pixels::of_view(view).at_most(VIEW).jpeg();
         views

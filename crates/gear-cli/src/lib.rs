@@ -17,7 +17,8 @@
 //! | `inputs` | `--input NAME=PATH` and `sample:NAME` |
 //! | `outputs`, `bundle`, `folder` | values as files, written so that no half file stands under a final name |
 //! | `artefacts`, `gallery`, `page` | pictures of a run and the page that shows them |
-//! | `progress` | progress bars |
+//! | `words` | what the page says about pictures and numbers |
+//! | `progress` | progress bars, or a line a node |
 
 mod args;
 mod artefacts;
@@ -33,6 +34,7 @@ mod outputs;
 mod page;
 mod progress;
 mod registry;
+mod words;
 
 pub use graphs::{Shipped, shipped};
 pub use registry::registry;

@@ -56,11 +56,16 @@ pub fn files(name: &str, value: &AnyValue) -> Result<Vec<File>, String> {
 
 /// A field as a picture: heights near-is-light, everything else by its range.
 pub fn picture_of(name: &str, field: &Field) -> Pixels {
-    if matches!(name, "depth" | "height") {
+    if is_height(name) {
         Pixels::of_height(field)
     } else {
         Pixels::of_field(field)
     }
+}
+
+/// Whether an output of this name holds heights.
+pub fn is_height(name: &str) -> bool {
+    matches!(name, "depth" | "height")
 }
 
 /// A view's name as part of a file name on any system.

@@ -10,6 +10,7 @@ use gear_splat::Views;
 use serde_json::Value;
 
 use crate::gallery::Gallery;
+use crate::words::{self, DOUBTS, MEASURES};
 
 /// The graph output whose views are the frames of a full turn.
 const ORBIT: &str = "orbit";
@@ -39,6 +40,7 @@ pub fn page(sources: &Sources<'_>) -> Page {
         comparisons: comparisons(sources),
         orbit: orbit(sources),
         curve: sources.reports.get("curve").map(curve).unwrap_or_default(),
+        mask: sources.reports.get("foreground").map(mask).unwrap_or_default(),
         measures: sources.reports.get("metrics").map(measures).unwrap_or_default(),
         costs: costs(report),
         colophon: format!(
@@ -159,11 +161,11 @@ fn left_out(report: &RunReport) -> Vec<Row> {
 fn port_type(graph: &Graph, node: &NodeReport, port: &str) -> Option<(ValueType, String)> {
     if node.input {
         let input = graph.inputs().iter().find(|input| input.name == node.id)?;
-        return Some((input.value_type, "What was given.".to_owned()));
+        return Some((input.value_type, "As given, at the size that is worked at.".to_owned()));
     }
     let spec = &graph.nodes().iter().find(|known| known.id == node.id)?.spec;
     let port = spec.outputs.iter().find(|output| output.name == port)?;
-    Some((port.value_type, port.doc.trim().replace('`', "")))
+    Some((port.value_type, words::caption(&node.type_name, port.name, port.doc)))
 }
 
 fn stages(sources: &Sources<'_>) -> Vec<Figure> {
@@ -182,14 +184,20 @@ fn stages(sources: &Sources<'_>) -> Vec<Figure> {
                 format!("{}.{}", node.id, port.port)
             };
             let pictures = sources.gallery.pictures(&node.id, &port.port, &value_type);
-            figures.extend(pictures.into_iter().map(|(_, picture)| Figure {
+            figures.extend(pictures.into_iter().map(|(scale, picture)| Figure {
                 source: source.clone(),
                 caption: caption.clone(),
+                legend: scale.parse().ok().map(ends),
                 picture,
             }));
         }
     }
     figures
+}
+
+/// The values at the ends of a scale.
+fn ends(scale: f32) -> (String, String) {
+    (format!("−{scale:.2}"), format!("+{scale:.2}"))
 }
 
 /// A column of views: its heading, and the pictures with their cameras' names.
@@ -214,9 +222,15 @@ fn comparisons(sources: &Sources<'_>) -> Vec<Comparison> {
                 (_, false) => "before",
                 (_, true) => "after",
             };
+            let known = columns.iter().any(|(heading, _)| heading == role);
             edited |= node.type_name == "Edit";
             if !pictures.is_empty() {
-                columns.push((format!("{role} ({})", node.id), pictures));
+                let heading = if known {
+                    format!("{role} ({})", node.id)
+                } else {
+                    role.to_owned()
+                };
+                columns.push((heading, pictures));
             }
         }
     }
@@ -240,6 +254,7 @@ fn comparisons(sources: &Sources<'_>) -> Vec<Comparison> {
 /// `yaw+30` as people write it.
 fn spoken(camera: &str) -> String {
     match camera.strip_prefix("yaw") {
+        Some("+0") => "0°".to_owned(),
         Some(angle) => format!("{}°", angle.replace('-', "−")),
         None => camera.to_owned(),
     }
@@ -289,48 +304,8 @@ fn curve(report: &Value) -> Curve {
     }
 }
 
-/// Where a measure stands in the report of `Metrics`, its name, its unit, and what it says.
-const MEASURES: &[(&str, &str, &str, &str)] = &[
-    (
-        "/vend",
-        "VEND",
-        "",
-        "How voluminous the shape is and in how many directions it looks, 0 to 100. Rewards roundness, not correctness.",
-    ),
-    (
-        "/ddi/average",
-        "DDI, average",
-        "",
-        "How much fine structure the depth maps hold, 0 to 100, mean over the yaws. Noise counts as structure.",
-    ),
-    (
-        "/niqe/views_average",
-        "NIQE, views",
-        "",
-        "How far the rendered views are from natural photographs; lower is closer.",
-    ),
-    (
-        "/niqe/grounded",
-        "NIQE, grounded image",
-        "",
-        "The same of the grounded image.",
-    ),
-    (
-        "/front/psnr_db",
-        "PSNR, front view",
-        " dB",
-        "How exactly the front view shows the painting, within the figure.",
-    ),
-    (
-        "/front/ssim",
-        "SSIM, front view",
-        "",
-        "The same as similarity of structure; 1 is equal.",
-    ),
-];
-
-fn measures(metrics: &Value) -> Vec<Measure> {
-    let measure = |name: &str, value: &Value, unit: &str, meaning: &str| Measure {
+fn measure(name: &str, value: &Value, unit: &str, meaning: &str) -> Measure {
+    Measure {
         name: name.to_owned(),
         value: match value.as_f64() {
             Some(number) if number.abs() < 1.0 => format!("{number:.3}{unit}"),
@@ -338,7 +313,26 @@ fn measures(metrics: &Value) -> Vec<Measure> {
             None => "undefined".to_owned(),
         },
         meaning: meaning.to_owned(),
-    };
+    }
+}
+
+/// What `Foreground` reports.
+fn mask(report: &Value) -> Vec<Measure> {
+    let mode = report["mode"].as_str().unwrap_or_default();
+    let mut all = vec![Measure {
+        name: "kind".to_owned(),
+        value: mode.to_owned(),
+        meaning: words::mode(mode).to_owned(),
+    }];
+    for (pointer, name, meaning) in DOUBTS {
+        if let Some(value) = report.pointer(pointer) {
+            all.push(measure(name, value, "", meaning));
+        }
+    }
+    all
+}
+
+fn measures(metrics: &Value) -> Vec<Measure> {
     let mut all = Vec::new();
     for (pointer, name, unit, meaning) in MEASURES {
         if let Some(value) = metrics.pointer(pointer) {

@@ -1,6 +1,7 @@
 //! A graph as SVG: layers from top to bottom, coloured by what became of each node.
 
 mod layers;
+mod straight;
 
 use std::fmt::Write;
 
@@ -75,11 +76,16 @@ impl Drawing {
             routes.len()
         );
         for route in &routes {
+            let in_the_way: Vec<_> = (0..places.len())
+                .filter(|&shape| shape != route.from && shape != route.to)
+                .map(|shape| places[shape])
+                .collect();
+            let points = straight::straighten(&route.points, &in_the_way);
             let left_out = [route.from, route.to]
                 .iter()
                 .any(|&end| self.shapes[end].standing == Standing::LeftOut);
             let class = if left_out { "edge faint" } else { "edge" };
-            let _ = writeln!(svg, "<path class=\"{class}\" d=\"{}\"/>", curve(&route.points));
+            let _ = writeln!(svg, "<path class=\"{class}\" d=\"{}\"/>", straight::path(&points));
         }
         for (shape, &(x, y)) in self.shapes.iter().zip(&places) {
             let (class, word) = shape.standing.words();
@@ -111,21 +117,6 @@ impl Drawing {
         svg.push_str("</svg>");
         svg
     }
-}
-
-/// A smooth path through the points, vertical at each of them.
-fn curve(points: &[(f64, f64)]) -> String {
-    let mut path = String::new();
-    for (i, &(x, y)) in points.iter().enumerate() {
-        if i == 0 {
-            let _ = write!(path, "M{x:.1} {y:.1}");
-        } else {
-            let (x0, y0) = points[i - 1];
-            let middle = (y0 + y) / 2.0;
-            let _ = write!(path, "C{x0:.1} {middle:.1} {x:.1} {middle:.1} {x:.1} {y:.1}");
-        }
-    }
-    path
 }
 
 /// Text as it may stand in XML.

@@ -29,6 +29,8 @@ pub struct Page {
     pub left_out: Vec<Row>,
     /// The picture after every stage, in the order of the data.
     pub stages: Vec<Figure>,
+    /// How sure the mask is, and what was measured to tell.
+    pub mask: Vec<Measure>,
     /// Views seen from the same camera, one [`Comparison`] a camera.
     pub comparisons: Vec<Comparison>,
     /// Frames of a full turn, evenly spaced.
@@ -50,6 +52,8 @@ pub struct Figure {
     pub source: String,
     /// What it is, in a sentence.
     pub caption: String,
+    /// What the colours mean, from blue to red, where they are not the picture's own: the values at both ends.
+    pub legend: Option<(String, String)>,
     /// The picture.
     pub picture: Picture,
 }
@@ -143,6 +147,7 @@ impl Page {
             context! {
                 source => figure.source.as_str(),
                 caption => figure.caption.as_str(),
+                legend => figure.legend.as_ref().map(|(low, high)| context! { low => low.as_str(), high => high.as_str() }),
                 picture => embed(&figure.picture),
             }
         });
@@ -152,13 +157,15 @@ impl Page {
                 pictures.map(|(what, picture)| context! { what => what.as_str(), picture => embed(picture) });
             context! { camera => comparison.camera.as_str(), pictures => list(pictures) }
         });
-        let measures = self.measures.iter().map(|measure| {
-            context! {
-                name => measure.name.as_str(),
-                value => measure.value.as_str(),
-                meaning => measure.meaning.as_str(),
-            }
-        });
+        let measured = |measures: &[Measure]| {
+            list(measures.iter().map(|measure| {
+                context! {
+                    name => measure.name.as_str(),
+                    value => measure.value.as_str(),
+                    meaning => measure.meaning.as_str(),
+                }
+            }))
+        };
         let costs = self.costs.iter().map(|cost| {
             let (class, word) = cost.standing.words();
             context! {
@@ -186,7 +193,8 @@ impl Page {
             left_out => list(left_out),
             curve => self.curve.svg().map(Value::from_safe_string),
             quantity => self.curve.quantity.as_str(),
-            measures => list(measures),
+            measures => measured(&self.measures),
+            mask => measured(&self.mask),
             costs => list(costs),
             colophon => self.colophon.as_str(),
         })?;

@@ -134,20 +134,19 @@ impl Pixels {
         pixels
     }
 
-    /// A mask: ink inside, paper outside.
+    /// A mask: white inside, black outside, as mask files are.
     pub fn of_mask(mask: &Mask) -> Self {
         Self::map(mask.width(), mask.height(), mask.data(), |inside| {
-            if inside { [38, 50, 66] } else { PAPER }
+            if inside { [255; 3] } else { [0; 3] }
         })
     }
 
     /// A field of any range (see the module's first lines).
     pub fn of_field(field: &Field) -> Self {
-        let (low, high) = quantiles(field.data());
-        let show: Box<dyn Fn(f32) -> [u8; 3]> = if low < 0.0 && high > 0.0 {
-            let scale = high.max(-low);
+        let show: Box<dyn Fn(f32) -> [u8; 3]> = if let Some(scale) = scale(field) {
             Box::new(move |x| diverging(x / scale))
         } else {
+            let (low, high) = quantiles(field.data());
             let span = (high - low).max(f32::MIN_POSITIVE);
             Box::new(move |x| [byte((x - low) / span); 3])
         };
@@ -289,6 +288,13 @@ fn quantiles(samples: &[f32]) -> (f32, f32) {
     (at(1), at(99))
 }
 
+/// The value that is fully red, and whose negative is fully blue, in the picture of a field of both signs; `None` for a
+/// field of one sign, which is grey.
+pub fn scale(field: &Field) -> Option<f32> {
+    let (low, high) = quantiles(field.data());
+    (low < 0.0 && high > 0.0).then(|| high.max(-low))
+}
+
 /// Blue at −1, white at 0, red at +1.
 fn diverging(x: f32) -> [u8; 3] {
     const WHITE: [f32; 3] = [0.97, 0.97, 0.96];
@@ -336,7 +342,7 @@ mod tests {
         assert!(flat.data.windows(2).all(|pair| pair[0] == pair[1]));
         let stripes = Pixels::of_mask(&Mask::from_fn(100, 2, |x, _| x % 2 == 0)).at_most(50);
         assert!(
-            stripes.data.chunks(3).all(|c| c[0].abs_diff(144) <= 1),
+            stripes.data.chunks(3).all(|c| c[0].abs_diff(128) <= 1),
             "{:?}",
             stripes.data
         );
@@ -347,6 +353,8 @@ mod tests {
         let field = Field::from_fn(101, 1, |x, _| x as f32 - 50.0);
         let pixels = Pixels::of_field(&field);
         assert!(pixels.data[150..153].iter().all(|&c| c > 240));
+        assert!(scale(&field).is_some_and(|scale| scale > 48.0));
+        assert_eq!(scale(&Field::filled(4, 1, 2.0)), None);
         assert!(pixels.data[0] < pixels.data[2], "negative is blue");
         assert!(pixels.data[300] > pixels.data[302], "positive is red");
     }

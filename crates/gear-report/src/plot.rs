@@ -71,6 +71,12 @@ impl Curve {
             SIZE.1 - 6.0,
             self.step,
         );
+        let middle = (MARGIN.1 + bottom) / 2.0;
+        let _ = writeln!(
+            svg,
+            "<text class=\"x\" x=\"14\" y=\"{middle}\" transform=\"rotate(-90 14 {middle})\">{}</text>",
+            self.quantity,
+        );
         svg.push_str("<polyline points=\"");
         for &(at, value) in &points {
             let _ = write!(svg, "{:.1},{:.1} ", x.place(at), y.place(value));
@@ -157,6 +163,10 @@ mod tests {
         assert!(svg.contains("viewBox") && !svg.contains(" width="), "{}", &svg[..80]);
         assert!(svg.contains("loss over iteration, from 1 to 0.02"));
         assert_eq!(svg.matches("polyline").count(), 1);
+        assert!(
+            svg.contains(">loss</text>") && svg.contains(">iteration</text>"),
+            "both axes are named"
+        );
     }
 
     #[test]

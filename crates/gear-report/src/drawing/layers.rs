@@ -10,8 +10,12 @@
 //! Plain loops, no recursion. Edges of a cycle, which a checked graph has not, are drawn but do not count for layers.
 
 /// Width and height of a box.
-pub const BOX: (f64, f64) = (118.0, 38.0);
-const GAP: (f64, f64) = (18.0, 30.0);
+pub const BOX: (f64, f64) = (140.0, 42.0);
+const GAP: (f64, f64) = (44.0, 38.0);
+/// Between a waypoint and whatever is beside it.
+const WAYPOINT_GAP: f64 = 18.0;
+/// How far above and below the boxes of a row an edge may turn.
+const ROW_CLEARANCE: f64 = 4.0;
 const WAYPOINT_WIDTH: f64 = 6.0;
 const MARGIN: f64 = 8.0;
 /// Rounds in which positions settle; a pull travels one layer a round.
@@ -73,11 +77,15 @@ pub fn layout(count: usize, edges: &[(usize, usize)]) -> Layout {
         .iter()
         .zip(&chains)
         .map(|(&(from, to), chain)| {
-            let mut points: Vec<_> = chain.iter().map(|&item| place(item)).collect();
-            if let [first, .., last] = points.as_mut_slice() {
-                first.1 += BOX.1 / 2.0;
-                last.1 -= BOX.1 / 2.0;
-            }
+            // In the rows that it crosses an edge goes straight down, so that it turns only where no boxes are.
+            let points = chain.iter().flat_map(|&item| {
+                let (x, y) = place(item);
+                let half = BOX.1 / 2.0 + if item < count { 0.0 } else { ROW_CLEARANCE };
+                let below = (item != to).then_some((x, y + half));
+                let above = (item != from).then_some((x, y - half));
+                above.into_iter().chain(below)
+            });
+            let points = points.collect();
             Route { from, to, points }
         })
         .collect();
@@ -221,7 +229,8 @@ fn positions(items: &Items, rows: &[Vec<usize>], boxes: usize) -> Vec<f64> {
             WAYPOINT_WIDTH / 2.0
         }
     };
-    let apart = |a: usize, b: usize| half(a) + half(b) + GAP.0;
+    let gap = |a: usize, b: usize| if a < boxes && b < boxes { GAP.0 } else { WAYPOINT_GAP };
+    let apart = |a: usize, b: usize| half(a) + half(b) + gap(a, b);
     // Chains of boxes hang straight; long edges bend around them.
     let stiffness = |a: usize, b: usize| match (a < boxes, b < boxes) {
         (true, true) => 8.0,

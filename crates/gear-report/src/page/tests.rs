@@ -36,7 +36,13 @@ fn full() -> Page {
         stages: vec![Figure {
             source: "foreground.mask".into(),
             caption: "What belongs to the figure.".into(),
+            legend: Some(("−0.5".into(), "+0.5".into())),
             picture: Pixels::of_mask(&Mask::filled(2, 2, true)).png().unwrap(),
+        }],
+        mask: vec![Measure {
+            name: "confidence".into(),
+            value: "0.9".into(),
+            meaning: "How far the mask can be trusted.".into(),
         }],
         comparisons: vec![Comparison {
             camera: "yaw +30°".into(),
