@@ -79,6 +79,26 @@ pub fn read<'t>(tree: &'t Tree, problems: &mut Vec<Problem>) -> Option<File<'t>>
     Some(file)
 }
 
+/// The one thing to say of a file of a version to come.
+pub fn too_new(tree: &Tree) -> Option<Problem> {
+    let TreeKind::Map(top) = &tree.kind else {
+        return None;
+    };
+    let tree = get(top, "gear")?;
+    let TreeKind::Integer(newer) = tree.kind else {
+        return None;
+    };
+    (newer > GRAPH_VERSION).then(|| {
+        Problem::error(
+            "version-too-new",
+            format!("the file is of version {newer}, this program reads up to version {GRAPH_VERSION}"),
+            tree.span,
+            "too new",
+        )
+        .help("use a newer gear")
+    })
+}
+
 fn version(top: Entries<'_>, tree: &Tree, problems: &mut Vec<Problem>) {
     match get(top, "gear") {
         None => problems.push(
@@ -92,15 +112,7 @@ fn version(top: Entries<'_>, tree: &Tree, problems: &mut Vec<Problem>) {
         ),
         Some(tree) => match tree.kind {
             TreeKind::Integer(GRAPH_VERSION) => {}
-            TreeKind::Integer(newer) if newer > GRAPH_VERSION => problems.push(
-                Problem::error(
-                    "version-too-new",
-                    format!("the file is of version {newer}, this program reads up to version {GRAPH_VERSION}"),
-                    tree.span,
-                    "too new",
-                )
-                .help("use a newer gear"),
-            ),
+            TreeKind::Integer(newer) if newer > GRAPH_VERSION => {} // see `too_new`
             _ => problems.push(
                 Problem::error(
                     "bad-version",

@@ -134,8 +134,12 @@ impl GraphSource {
             text: self.text.clone(),
         }];
         let mut problems = Vec::new();
-        let tree = yaml::parse(&self.text, 0, &mut problems)
-            .map(|tree| set::apply(tree, &self.set, &mut sources, &mut problems));
+        let tree = yaml::parse(&self.text, 0, &mut problems);
+        // What a newer version means is not known here: to call any of it a mistake would mislead.
+        if let Some(problem) = tree.as_ref().and_then(file::too_new) {
+            return Err(Mistakes::new(sources, vec![problem]));
+        }
+        let tree = tree.map(|tree| set::apply(tree, &self.set, &mut sources, &mut problems));
         let graph = tree
             .as_ref()
             .and_then(|tree| file::read(tree, &mut problems))

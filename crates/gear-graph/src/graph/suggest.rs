@@ -38,6 +38,16 @@ fn distance(a: &str, b: &str) -> usize {
     above[b.len()]
 }
 
+/// A type's name with the article before it.
+pub(crate) fn with_article(name: &str) -> String {
+    let article = if name.starts_with(['A', 'E', 'I', 'O', 'U']) {
+        "an"
+    } else {
+        "a"
+    };
+    format!("{article} {name}")
+}
+
 /// The longest quoted text, and the longest message, in characters.
 const QUOTE: usize = 60;
 const MESSAGE: usize = 800;
@@ -68,6 +78,12 @@ pub(crate) fn clip(message: &mut String) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn types_have_their_article() {
+        assert_eq!(with_article("Image"), "an Image");
+        assert_eq!(with_article("Mask"), "a Mask");
+    }
 
     #[test]
     fn what_is_quoted_is_cut_and_what_is_said_is_not() {

@@ -137,10 +137,15 @@ nodes:
   a: {node: Add, in: {of: x}, with: {plus: 1, plus: 2}}
 outputs: {y: a.sum}
 ";
-    version_too_new: "gear: 2
+    version_too_new: "inputs: {x: Number, x: Number, y: Strange}
+nodes: {a: {node: New, over: there}}
+gear: 2
+";
+    words_and_empty_maps: "gear: 1
 inputs: {x: Number}
-nodes: {a: {node: Add, in: {of: x}}}
-outputs: {y: a.sum}
+nodes:
+  a: {node: Ranged, in: {x: x}, with: {auto: Auto, share: {}, list: {}}}
+outputs: {y: a.whole}
 ";
     missing_version_and_outputs: "inputs: {x: Number}
 nodes: {a: {node: Add, in: {of: x}}}

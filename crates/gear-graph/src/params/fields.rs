@@ -29,7 +29,7 @@ impl Reader<'_> {
             tree.span,
             format!("expected {expected}"),
         )
-        .maybe_help(yaml_trap(tree, expected));
+        .maybe_help(yaml_trap(tree, expected).or_else(|| misspelt_word(tree, expected)));
         self.report(problem);
     }
 
@@ -85,6 +85,15 @@ fn names(variants: &[Variant]) -> String {
         [one] => format!("`{one}`"),
         _ => format!("one of {}", names.join(", ")),
     }
+}
+
+/// `Auto` for `auto`: the words that may stand in place of a value end its description.
+fn misspelt_word(tree: &Tree, expected: &str) -> Option<String> {
+    let TreeKind::Text(text) = &tree.kind else {
+        return None;
+    };
+    let word = expected.rsplit_once(", or ")?.1;
+    nearest(text, [word]).map(|word| format!("did you mean `{word}`?"))
 }
 
 /// What YAML 1.1 would have made of a text, when that is what was expected.

@@ -40,7 +40,9 @@ impl Tree {
             TreeKind::Float(f) if f.is_finite() && f.abs() >= 1e15 => format!("`{f:e}`"),
             TreeKind::Float(f) => format!("`{f}`"),
             TreeKind::Text(text) => format!("the text `{text}`"),
+            TreeKind::List(items) if items.is_empty() => "an empty list".into(),
             TreeKind::List(items) => format!("a list of {}", items.len()),
+            TreeKind::Map(entries) if entries.is_empty() => "an empty map".into(),
             TreeKind::Map(_) => "a map".into(),
         }
     }

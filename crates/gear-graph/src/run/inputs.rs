@@ -1,8 +1,10 @@
 //! What is given to a run: files, bytes made on demand, values.
 
 use std::fmt;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use super::Run;
@@ -91,6 +93,9 @@ pub enum RunMistake {
         /// What was found.
         problem: String,
     },
+    /// The run was interrupted while its inputs were read.
+    #[error("interrupted while the inputs were read; nothing was computed")]
+    Interrupted,
     /// A value of another type, or a file for a type that no loader reads.
     #[error("input `{name}`: {problem}")]
     BadValue {
@@ -224,7 +229,8 @@ pub(super) fn resolve(run: &Run<'_>) -> Result<Vec<Given>, Vec<RunMistake>> {
                 });
                 continue;
             }
-            Some(Input::File(path)) => match hash_file(path) {
+            Some(Input::File(path)) => match hash_file(path, &run.cancel) {
+                Err(_) if run.cancel.load(Ordering::Relaxed) => return Err(vec![RunMistake::Interrupted]),
                 Ok((digest, stamp)) => {
                     given.push(Given::Source {
                         source: Source::File {
@@ -247,7 +253,7 @@ pub(super) fn resolve(run: &Run<'_>) -> Result<Vec<Given>, Vec<RunMistake>> {
     if mistakes.is_empty() { Ok(given) } else { Err(mistakes) }
 }
 
-fn hash_file(path: &Path) -> Result<(Digest, Stamp), String> {
+fn hash_file(path: &Path, cancel: &AtomicBool) -> Result<(Digest, Stamp), String> {
     let open = || -> std::io::Result<(Digest, Stamp)> {
         let kind = std::fs::metadata(path)?.file_type();
         if kind.is_dir() {
@@ -257,10 +263,21 @@ fn hash_file(path: &Path) -> Result<(Digest, Stamp), String> {
         if !kind.is_file() {
             return Err(std::io::Error::other("this is no regular file; save it to one first"));
         }
-        let file = std::fs::File::open(path)?;
+        let mut file = std::fs::File::open(path)?;
         let stamp = stamp_of(path)?;
         let mut hasher = blake3::Hasher::new();
-        hasher.update_reader(file)?;
+        let mut piece = vec![0; 1 << 20];
+        loop {
+            if cancel.load(Ordering::Relaxed) {
+                return Err(std::io::Error::other("interrupted"));
+            }
+            match file.read(&mut piece) {
+                Ok(0) => break,
+                Ok(read) => hasher.update(&piece[..read]),
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
+                Err(error) => return Err(error),
+            };
+        }
         let digest = Digest(*hasher.finalize().as_bytes());
         Ok((Hasher::new("file").digest(&digest).finish(), stamp))
     };

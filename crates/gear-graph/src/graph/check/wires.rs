@@ -2,6 +2,7 @@
 
 use super::Names;
 use crate::graph::file::{File, FileNode, Wiring};
+use crate::graph::suggest::with_article;
 use crate::graph::{GraphInput, Wire, nearest};
 use crate::{NodeSpec, Problem, Spanned};
 
@@ -65,8 +66,10 @@ impl Checker<'_, '_> {
                     Problem::error(
                         "missing-input",
                         format!(
-                            "nothing is wired to the port `{}` of node `{}`, which needs a {}",
-                            port.name, node.id.value, port.value_type.name
+                            "nothing is wired to the port `{}` of node `{}`, which needs {}",
+                            port.name,
+                            node.id.value,
+                            with_article(port.value_type.name)
                         ),
                         node.id.span,
                         format!("`{}` is missing", port.name),
@@ -115,8 +118,10 @@ impl Checker<'_, '_> {
                 Problem::error(
                     "wrong-port-type",
                     format!(
-                        "{what} takes a {}, but `{}` is a {}",
-                        port.value_type.name, source.value, found.name
+                        "{what} takes {}, but `{}` is {}",
+                        with_article(port.value_type.name),
+                        source.value,
+                        with_article(found.name)
                     ),
                     source.span,
                     format!("expected {}, found {}", port.value_type.name, found.name),

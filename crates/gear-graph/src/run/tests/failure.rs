@@ -111,6 +111,18 @@ fn an_interruption_stops_within_a_second_and_what_was_done_is_stored() {
 }
 
 #[test]
+fn an_interruption_ends_the_reading_of_inputs() {
+    let graph = graph("inputs: {x: Number}\noutputs: {y: x}\n");
+    let shelf = tempfile::tempdir().unwrap();
+    let path = shelf.path().join("x.txt");
+    std::fs::write(&path, "1").unwrap();
+    let run = Run::new(&graph).input("x", Input::file(path));
+    assert!(run.go().is_ok());
+    let mistakes = run.cancel(Arc::new(true.into())).go().unwrap_err();
+    assert_eq!(mistakes, [RunMistake::Interrupted]);
+}
+
+#[test]
 fn a_file_that_cannot_be_used_is_told_with_its_name() {
     let body = "inputs: {x: Number, y: Number}\nnodes: {add: {node: Add, in: {of: [x, y]}}}\noutputs: {sum: add.sum}";
     let (graph, shelf) = (graph(body), Shelf::new());
