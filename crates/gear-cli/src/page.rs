@@ -100,7 +100,7 @@ fn standing(node: &NodeReport) -> Standing {
     match node.status {
         NodeStatus::Ran => Standing::Ran,
         NodeStatus::Cached => Standing::Hit,
-        NodeStatus::LeftOut | NodeStatus::Unfinished => Standing::LeftOut,
+        NodeStatus::LeftOut | NodeStatus::NotGiven | NodeStatus::Unfinished => Standing::LeftOut,
         NodeStatus::Given => Standing::End,
         NodeStatus::Failed => Standing::Failed,
         NodeStatus::Skipped => Standing::Skipped,
@@ -121,6 +121,7 @@ fn drawing(sources: &Sources<'_>) -> Drawing {
             note: match &node.reason {
                 Some(reason) => reason.clone(),
                 None if ran => format!("{:.2} s", node.seconds),
+                None if node.status == NodeStatus::NotGiven => "not given (optional)".to_owned(),
                 None if node.input => "input".to_owned(),
                 None => String::new(),
             },
@@ -350,7 +351,8 @@ fn measures(metrics: &Value) -> Vec<Measure> {
 
 /// What took part, each with its cost.
 fn costs(report: &RunReport) -> Vec<Cost> {
-    let nodes = report.nodes.iter().filter(|node| node.status != NodeStatus::Given);
+    let nodes = report.nodes.iter();
+    let nodes = nodes.filter(|node| !matches!(node.status, NodeStatus::Given | NodeStatus::NotGiven));
     nodes.map(cost).collect()
 }
 

@@ -70,13 +70,22 @@ impl Node for Translate {
     type Outputs = Out;
 
     fn demand(&self, _output: &str, known: &Known<'_>) -> Result<Demand, NodeError> {
-        Ok(match self.style {
+        let answer = match self.style {
             Style::None => Demand::ready_because("style is none: the painting passes"),
             Style::Sculpture => known.need(&["mask"], "a sculpture is cut out by the mask"),
             Style::PencilSketch | Style::Woodcut if self.contours == 0.0 => {
                 Demand::ready_because("contours = 0 and the whole canvas is drawn")
             }
             Style::PencilSketch | Style::Woodcut => known.need(&["edges"], "contours are drawn"),
+        };
+        Ok(match (answer, self.style) {
+            (Demand::Ready { reason }, Style::Sculpture) if reason.is_empty() => {
+                Demand::ready_because("style sculpture does not look at edges")
+            }
+            (Demand::Ready { reason }, _) if reason.is_empty() => {
+                Demand::ready_because("drawn styles do not look at the mask")
+            }
+            (answer, _) => answer,
         })
     }
 

@@ -137,3 +137,15 @@ fn summaries_on_a_small_painting_are_pinned() {
         insta::assert_json_snapshot!(format!("{style:?}"), out.image.summary());
     }
 }
+
+#[test]
+fn what_a_style_does_not_look_at_is_said() {
+    let mask = gear_graph::AnyValue::new(Mask::filled(2, 2, true));
+    let node = Translate {
+        style: Style::Sculpture,
+        contours: 0.3,
+        seed: 7,
+    };
+    let answer = node.demand("image", &Known::of::<In>(vec![("mask", mask)])).unwrap();
+    assert_eq!(answer, Demand::ready_because("style sculpture does not look at edges"));
+}

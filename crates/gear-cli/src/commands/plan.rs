@@ -21,6 +21,7 @@ pub fn plan(args: &PlanArgs, registry: &Registry, console: &Console) -> Result<E
             PlannedState::Cached => "stored",
             PlannedState::LeftOut => "left out",
             PlannedState::Given => "given",
+            PlannedState::NotGiven => "not given (optional)",
         };
         let seconds = node
             .seconds

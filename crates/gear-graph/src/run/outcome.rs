@@ -75,7 +75,7 @@ pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, elapsed: Duration,
     let did_without = |slot: u32, port: u16| {
         let state = &machine.slots[slot as usize];
         if state.phase == Phase::Done && state.demanded & (1 << port) == 0 {
-            DidWithout::Yes(state.reason.to_string())
+            DidWithout::because(&state.reason)
         } else {
             DidWithout::No
         }
@@ -137,6 +137,22 @@ pub(super) enum DidWithout {
     No,
 }
 
+impl DidWithout {
+    /// For the reason that `demand` gave, if it gave one.
+    pub fn because(reason: &str) -> Self {
+        Self::Yes(reason_or_default(reason))
+    }
+}
+
+fn reason_or_default(reason: &str) -> String {
+    let reason = if reason.is_empty() {
+        "its result does not depend on it"
+    } else {
+        reason
+    };
+    reason.to_string()
+}
+
 /// For every site of which nothing is requested, why. Consumers come first, so that their reasons are known.
 pub(super) fn why_left_out(
     machine: &Machine<'_>,
@@ -162,12 +178,7 @@ pub(super) fn why_left_out(
                 });
             if let (Some(because), Some(node)) = (because, graph.node_at(reading.site)) {
                 let port = node.spec.inputs[usize::from(reading.port)].name;
-                let because = if because.is_empty() {
-                    String::new()
-                } else {
-                    format!(": {because}")
-                };
-                reason = format!("`{reader}` does without `{port}`{because}");
+                reason = format!("`{reader}` does without `{port}`: {because}");
                 break;
             }
             if why[reading.site as usize].is_some() {
@@ -192,7 +203,9 @@ fn node_report(machine: &Machine<'_>, site: u32, left_out: &[Option<String>]) ->
     } else if let Some(by) = state.skipped_by {
         reason = Some(format!("`{}` failed", graph.site_name(by)));
         NodeStatus::Skipped
-    } else if matches!(given, Some(Given::Absent | Given::Value(_))) {
+    } else if matches!(given, Some(Given::Absent)) {
+        NodeStatus::NotGiven
+    } else if matches!(given, Some(Given::Value(_))) {
         NodeStatus::Given
     } else if let Some(why) = &left_out[site as usize] {
         reason = Some(why.clone());
@@ -277,7 +290,18 @@ fn elided(machine: &Machine<'_>, slot: u32) -> Vec<ElidedPort> {
         .map(|(_, port)| ElidedPort {
             output: graph.port_name(slot).to_string(),
             port: port.name.to_string(),
-            reason: state.reason.to_string(),
+            reason: reason_or_default(&state.reason),
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_left_out_always_has_a_reason() {
+        assert_eq!(reason_or_default("beta = 0"), "beta = 0");
+        assert!(!reason_or_default("").is_empty());
+    }
 }

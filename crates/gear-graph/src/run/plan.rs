@@ -56,8 +56,10 @@ pub enum PlannedState {
     Cached,
     /// Nothing of it is needed.
     LeftOut,
-    /// An input given as a value, or an optional one that is not given.
+    /// An input given as a value.
     Given,
+    /// An optional input that is not given.
+    NotGiven,
 }
 
 impl Plan {
@@ -190,9 +192,9 @@ impl Planner<'_> {
             let state = &machine.slots[slot as usize];
             match (self.decided.get(&slot), state.phase) {
                 (Some(decided), _) if (decided.demanded | decided.open) & (1 << port) == 0 => {
-                    DidWithout::Yes(decided.reason.clone())
+                    DidWithout::because(&decided.reason)
                 }
-                (None, Phase::Done) if state.demanded & (1 << port) == 0 => DidWithout::Yes(state.reason.to_string()),
+                (None, Phase::Done) if state.demanded & (1 << port) == 0 => DidWithout::because(&state.reason),
                 _ => DidWithout::No,
             }
         };
@@ -216,7 +218,9 @@ impl Planner<'_> {
         let graph = machine.graph;
         let slots = graph.slots_of(site);
         let phase = |slot: u32| machine.slots[slot as usize].phase;
-        let (state, reason) = if let Some(Given::Absent | Given::Value(_)) = machine.given.get(site as usize) {
+        let (state, reason) = if let Some(Given::Absent) = machine.given.get(site as usize) {
+            (PlannedState::NotGiven, String::new())
+        } else if let Some(Given::Value(_)) = machine.given.get(site as usize) {
             (PlannedState::Given, String::new())
         } else if let Some(slot) = slots.clone().find(|slot| pending(phase(*slot))) {
             (PlannedState::Runs, self.why_it_runs(slot))

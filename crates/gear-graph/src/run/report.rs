@@ -55,8 +55,10 @@ pub enum NodeStatus {
     Cached,
     /// Nothing of it was needed.
     LeftOut,
-    /// An optional input that was not given, or an input given as a value.
+    /// An input given as a value.
     Given,
+    /// An optional input that was not given.
+    NotGiven,
     /// It failed.
     Failed,
     /// Something that it depends on failed.

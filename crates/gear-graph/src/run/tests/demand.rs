@@ -221,3 +221,19 @@ outputs: {large: floor.large, x: x}";
     assert!(unfinished.is_empty(), "{unfinished:?}");
     assert!(outcome.report.outputs.iter().all(|output| output.digest.is_some()));
 }
+
+#[test]
+fn an_optional_input_that_is_not_given_is_told_apart() {
+    let body = "inputs: {a: Number, c: {type: Number, optional: true}}
+nodes:
+  sum: {node: Add, in: {of: [a, c]}}
+outputs: {y: sum.sum}";
+    let graph = graph(body);
+    let run = Run::new(&graph).input_value("a", Number(1.0));
+    let state = |id: &str| run.plan().unwrap().node(id).unwrap().state;
+    assert_eq!((state("a"), state("c")), (PlannedState::Given, PlannedState::NotGiven));
+    let report = run.go().unwrap().report;
+    let node = |id: &str| report.nodes.iter().find(|node| node.id == id).unwrap();
+    assert_eq!(node("a").status, NodeStatus::Given);
+    assert_eq!(node("c").status, NodeStatus::NotGiven);
+}
