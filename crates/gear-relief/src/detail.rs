@@ -60,8 +60,8 @@ impl Default for DetailSettings {
     }
 }
 
-/// The detail height in pixels, to be added to `base`; 0 outside the mask, and everywhere when the light is not
-/// trusted. `iterations` are reported to `progress`, which may stop early by returning false.
+/// The detail height in pixels, to be added to `base`; 0 outside the mask. `None` when there is nothing to solve for:
+/// the light is not trusted, or the base explains the shading as well as a painter's tones let one tell.
 pub fn detail(
     shading: &Shading,
     base: &Field,
@@ -70,11 +70,10 @@ pub fn detail(
     light: &LightFit,
     calibration: &Calibration,
     settings: &DetailSettings,
-) -> Field {
+) -> Option<Field> {
     let (width, height) = mask.size();
-    let nothing = Field::filled(width, height, 0.0);
     if light.trust < LEAST_TRUST || settings.iterations == 0 || mask.count() == 0 {
-        return nothing;
+        return None;
     }
     let lines = dilate_field(ink, 1);
     let area = (mask.count() as f32).sqrt();
@@ -112,6 +111,11 @@ pub fn detail(
             .collect(),
     );
 
+    let trust = light.trust * visibility(&target, &expected, &inner, light.gain, calibration.visible);
+    if trust < LEAST_TRUST {
+        return None;
+    }
+
     let side = mask.longer_side() as f32;
     let hold = 1.0 / (settings.hold * side * settings.hold * side);
     let system = GridSystem::new(
@@ -138,7 +142,7 @@ pub fn detail(
             }
             let c = dot(n[p], l);
             let r = target.data()[p] - c;
-            let r = (r * r * r / (r * r + dead_zone * dead_zone)).clamp(-0.7, 0.7) * light.trust;
+            let r = (r * r * r / (r * r + dead_zone * dead_zone)).clamp(-0.7, 0.7) * trust;
             let step = settings.step * r / (1.0 - c * c).max(0.2);
             let turned: [f32; 3] = std::array::from_fn(|i| n[p][i] + step * (l[i] - c * n[p][i]));
             let z = turned[2].max(1e-2);
@@ -157,7 +161,7 @@ pub fn detail(
         n = normals(&solution.to_field(width, height));
         current = Some(solution.values);
     }
-    let Some(current) = current else { return nothing };
+    let current = current?;
     let difference = Field::from_vec(
         width,
         height,
@@ -165,5 +169,28 @@ pub fn detail(
     );
     let weight = mask.to_field();
     let mean = weighted_gaussian(&difference, &weight, large);
-    masked(&zip(&difference, &mean, |d, m| settings.amount * (d - m)), mask)
+    Some(masked(&zip(&difference, &mean, |d, m| settings.amount * (d - m)), mask))
+}
+
+/// How clearly the shading shows more than the base explains: 0 where the RMS of what is left over, in units of
+/// shading, is at most `visible`, 1 from half as much again.
+fn visibility(target: &Field, expected: &Field, inner: &Mask, gain: f32, visible: f32) -> f32 {
+    let (mut square, mut count) = (0.0f64, 0u32);
+    for ((t, e), _) in target
+        .data()
+        .iter()
+        .zip(expected.data())
+        .zip(inner.data())
+        .filter(|(_, i)| **i)
+    {
+        let left = f64::from(t - e);
+        square += left * left;
+        count += 1;
+    }
+    let rms = gain * (square / f64::from(count.max(1))).sqrt() as f32;
+    if visible > 0.0 {
+        (2.0 * (rms / visible - 1.0)).clamp(0.0, 1.0)
+    } else {
+        1.0
+    }
 }

@@ -103,8 +103,10 @@ pub fn estimate(image: &LinearImage, mask: &Mask, settings: &HeightSettings) -> 
             &settings.calibration,
             &settings.detail,
         );
-        relief.height = zip(base, &detail, |b, d| (b + d).max(0.0));
-        relief.detailed = fit.trust >= light::LEAST_TRUST;
+        relief.detailed = detail.is_some();
+        if let Some(detail) = detail {
+            relief.height = zip(base, &detail, |b, d| (b + d).max(0.0));
+        }
         relief.light = Some(fit);
         relief.noise = shading.noise;
     }

@@ -24,4 +24,4 @@ pub mod shading;
 pub mod surfels;
 
 /// Version of the numerics: part of the behaviour of every node that uses this crate. Raise it when bits change.
-pub const NUMERICS: u32 = 1;
+pub const NUMERICS: u32 = 2;

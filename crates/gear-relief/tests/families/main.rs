@@ -1,7 +1,6 @@
 //! The bar of the height estimate: on objects with known height, however painted, not worse than the inflated
-//! silhouette alone in depth or in normals, and better in detail. What holds: the means over objects meet it for
-//! photographs and paintings and are level for flat paintings. What does not: on a sphere, where the silhouette is
-//! already exact, posterised tones cost .7° (painted) and .3° (flat); the allowances per object below say so.
+//! silhouette alone in depth or in normals, and better in detail. Photographs gain most, paintings of folds gain,
+//! and what is too flat to tell is left to the silhouette, to the last digit but for ink.
 //!
 //! `cargo bench -p gear-relief --bench families` prints the whole table.
 
@@ -65,7 +64,7 @@ fn gains(families: &[Family]) -> (f64, f64, f64) {
     )
 }
 
-/// No object may lose more than these allowances, which the sphere needs.
+/// No object may lose more than these allowances.
 fn no_object_is_harmed(families: &[Family], depth: f64, normal: f64) {
     for Family { object, alone, ours } in families {
         assert!(
@@ -91,7 +90,8 @@ fn shading_of_photographs_improves_depth_normals_and_detail() {
         depth > 0.008 && normal > 0.8 && detail > 0.1,
         "{depth} {normal} {detail}"
     );
-    no_object_is_harmed(&families, 0.01, 0.5);
+    // The bust's head and shoulders are no hemispheres: better normals, and .005 more of depth error.
+    no_object_is_harmed(&families, 0.006, 0.01);
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn shading_of_paintings_improves_detail_and_harms_nothing() {
         depth > 0.0 && normal > 0.0 && detail > 0.02,
         "{depth} {normal} {detail}"
     );
-    no_object_is_harmed(&families, 0.01, 1.0);
+    no_object_is_harmed(&families, 0.001, 0.01);
 }
 
 #[test]
@@ -110,8 +110,8 @@ fn flat_paintings_are_left_to_the_silhouette() {
     let families = families(FLAT);
     let (depth, normal, detail) = gains(&families);
     assert!(
-        depth > -0.002 && normal > -0.1 && detail > -0.005,
+        depth > -1e-4 && normal > -0.005 && detail > -0.001,
         "{depth} {normal} {detail}"
     );
-    no_object_is_harmed(&families, 0.01, 0.7);
+    no_object_is_harmed(&families, 0.001, 0.01);
 }
