@@ -87,7 +87,7 @@ pub struct Out {
 
 impl Node for Foreground {
     const NAME: &str = "Foreground";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Inputs = In;
     type Outputs = Out;
 
