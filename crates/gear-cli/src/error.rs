@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use gear_graph::{Mistakes, RunMistake};
+use gear_graph::{Mistakes, RunMistake, Unreadable};
 
 /// How the process ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,13 +21,8 @@ pub enum Exit {
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {
     /// The graph file cannot be read.
-    #[error("the graph {name} cannot be read: {}", unreadable(cause))]
-    GraphFile {
-        /// As given.
-        name: String,
-        /// Why.
-        cause: std::io::Error,
-    },
+    #[error("{0}")]
+    GraphFile(Unreadable),
     /// No graph of that name comes with gear.
     #[error("no graph named `{name}` comes with gear; {help}")]
     UnknownGraph {
@@ -126,32 +121,5 @@ impl CliError {
             Self::Run(mistakes) if mistakes.contains(&RunMistake::Interrupted) => Exit::Interrupted,
             _ => Exit::Mistake,
         }
-    }
-}
-
-/// Why a text file cannot be read, in plain words.
-fn unreadable(cause: &std::io::Error) -> String {
-    use std::io::ErrorKind;
-    match cause.kind() {
-        ErrorKind::NotFound => "there is no such file".to_owned(),
-        ErrorKind::IsADirectory => "this is a folder".to_owned(),
-        ErrorKind::InvalidData => "this is not a text file".to_owned(),
-        _ => cause.to_string(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_no_text_file_is_told_in_plain_words() {
-        let folder = tempfile::tempdir().unwrap();
-        let read = |name: &std::path::Path| unreadable(&std::fs::read_to_string(name).unwrap_err());
-        assert_eq!(read(folder.path()), "this is a folder");
-        let file = folder.path().join("picture");
-        assert_eq!(read(&file), "there is no such file");
-        std::fs::write(&file, [0xff, 0xd8, 0xff]).unwrap();
-        assert_eq!(read(&file), "this is not a text file");
     }
 }

@@ -1,7 +1,7 @@
 //! The graphs that are embedded in the binary, and graphs from files.
 
 use gear_graph::graph::nearest;
-use gear_graph::{Graph, GraphSource, Registry};
+use gear_graph::{Graph, GraphSource, Library, Registry};
 
 use crate::args::GraphArgs;
 use crate::error::CliError;
@@ -60,20 +60,21 @@ pub fn find(name: &str) -> Result<&'static Shipped, CliError> {
     })
 }
 
+/// Where graphs are found: on disk, and those that come with gear.
+pub fn library() -> Library {
+    Library::holding(shipped().iter().map(|graph| (graph.name, graph.text)))
+}
+
 /// Reads and checks the graph that was asked for; its warnings are the caller's to show.
 pub fn open(args: &GraphArgs, registry: &Registry) -> Result<Graph, CliError> {
-    let mut source = match args.graph.strip_prefix('@') {
-        Some(name) => GraphSource::new(&args.graph, find(name)?.text),
-        None => {
-            let text = std::fs::read_to_string(&args.graph).map_err(|cause| CliError::GraphFile {
-                name: args.graph.clone(),
-                cause,
-            })?;
-            GraphSource::new(&args.graph, text)
-        }
-    };
+    source(args)?.check(registry).map_err(CliError::Graph)
+}
+
+/// Reads the graph that was asked for.
+pub fn source(args: &GraphArgs) -> Result<GraphSource, CliError> {
+    let mut source = GraphSource::open(&args.graph, &library()).map_err(CliError::GraphFile)?;
     source.set = args.set.clone();
-    source.check(registry).map_err(CliError::Graph)
+    Ok(source)
 }
 
 #[cfg(test)]
@@ -119,7 +120,8 @@ mod tests {
         let registry = crate::registry();
         for graph in shipped() {
             assert!(graph.summary().len() > 20, "{}", graph.name);
-            let checked = GraphSource::new(graph.name, graph.text).check(&registry).unwrap();
+            let source = GraphSource::open(format!("@{}", graph.name), &library()).unwrap();
+            let checked = source.check(&registry).unwrap();
             assert!(checked.warnings().is_empty(), "{}", checked.warnings());
         }
     }

@@ -18,7 +18,7 @@ mod values;
 pub use any::{AnyValue, ValueType};
 pub use digest::{Digest, Hasher};
 pub use gear_graph_derive::{Choice, Inputs, Outputs, Params};
-pub use graph::{Graph, GraphInput, GraphNode, GraphOutput, GraphSource, Mistakes};
+pub use graph::{Graph, GraphFile, GraphInput, GraphNode, GraphOutput, GraphSource, Library, Mistakes, Unreadable};
 pub use node::{
     Context, Demand, FileSource, InputField, Inputs, Known, Lazy, Loader, Node, NodeError, Numerics, OutputField,
     Outputs, PortSpec, Progress, Slot, Slots, Want, Wanted,

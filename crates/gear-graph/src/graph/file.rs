@@ -3,12 +3,14 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
+use super::overlay::Removed;
 use super::{GRAPH_VERSION, nearest};
 use crate::params::yaml_trap;
 use crate::{Problem, Spanned, Tree, TreeKind};
 
 /// What a graph file says, before any name is looked up.
 pub struct File<'t> {
+    pub removed: &'t Removed,
     pub inputs: Vec<FileInput<'t>>,
     pub nodes: Vec<FileNode<'t>>,
     pub outputs: Vec<(&'t Spanned<String>, Spanned<&'t str>)>,
@@ -42,16 +44,21 @@ const RESERVED: [&str; 2] = ["run", "report"];
 
 type Entries<'t> = &'t [(Spanned<String>, Tree)];
 
-/// Reads a whole file. `None` if it is no map at all.
-pub fn read<'t>(tree: &'t Tree, problems: &mut Vec<Problem>) -> Option<File<'t>> {
+/// Reads a whole file, the versions apart. `None` if it is no map at all.
+pub fn read<'t>(tree: &'t Tree, removed: &'t Removed, problems: &mut Vec<Problem>) -> Option<File<'t>> {
     let mut file = File {
+        removed,
         inputs: Vec::new(),
         nodes: Vec::new(),
         outputs: Vec::new(),
     };
     let top = map(tree, "a graph file", problems)?;
-    keys(top, "a graph file", &["gear", "inputs", "nodes", "outputs"], problems);
-    version(top, tree, problems);
+    keys(
+        top,
+        "a graph file",
+        &["gear", "extends", "inputs", "nodes", "outputs"],
+        problems,
+    );
     for (name, tree) in section(top, "inputs", problems) {
         file.inputs.push(input(name, tree, problems));
     }
@@ -99,7 +106,11 @@ pub fn too_new(tree: &Tree) -> Option<Problem> {
     })
 }
 
-fn version(top: Entries<'_>, tree: &Tree, problems: &mut Vec<Problem>) {
+/// Whether the file says that it is of this version. One that is no map is reported by [`read`].
+pub fn version(tree: &Tree, problems: &mut Vec<Problem>) {
+    let TreeKind::Map(top) = &tree.kind else {
+        return;
+    };
     match get(top, "gear") {
         None => problems.push(
             Problem::error(
@@ -285,6 +296,19 @@ fn output_names(outputs: Entries<'_>, problems: &mut Vec<Problem>) {
             Entry::Occupied(_) => {}
         }
     }
+}
+
+/// What a file extends, if it does.
+pub fn extends<'t>(tree: &'t Tree, problems: &mut Vec<Problem>) -> Option<Spanned<&'t str>> {
+    let TreeKind::Map(top) = &tree.kind else {
+        return None;
+    };
+    text(
+        get(top, "extends")?,
+        "`extends`",
+        "the path of a graph file, or `@name`",
+        problems,
+    )
 }
 
 fn get<'t>(entries: Entries<'t>, key: &str) -> Option<&'t Tree> {

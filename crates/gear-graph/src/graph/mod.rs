@@ -15,17 +15,21 @@
 //! Reading goes text → [`Tree`](crate::Tree) (`yaml`) → names with positions (`file`) → [`Graph`] (`check`).
 //! All three report every mistake they find.
 
+mod chain;
 mod check;
 mod excerpt;
 mod export;
 mod file;
+mod library;
 mod mistakes;
+mod overlay;
 mod set;
 mod suggest;
 mod yaml;
 
 use std::sync::Arc;
 
+pub use library::{GraphFile, Library, Unreadable};
 pub use mistakes::{Mistakes, Source};
 pub use suggest::nearest;
 
@@ -54,6 +58,7 @@ pub struct Graph {
     pub(crate) first_reader: Vec<u32>,
     /// All sites, producers before consumers.
     pub(crate) order: Vec<u32>,
+    pub(crate) files: Vec<GraphFile>,
     pub(crate) warnings: Mistakes,
 }
 
@@ -109,16 +114,29 @@ pub struct GraphSource {
     pub text: String,
     /// Overrides, each `NODE.PARAM=VALUE` or `INPUT.PARAM=VALUE` (the value is YAML), later ones win.
     pub set: Vec<String>,
+    /// Where the graphs are found that it extends.
+    pub library: Library,
 }
 
 impl GraphSource {
-    /// A graph file without overrides.
+    /// A graph file without overrides. What it extends is found on disk only.
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Self {
             name: name.into(),
             text: text.into(),
-            set: Vec::new(),
+            ..Self::default()
         }
+    }
+
+    /// The graph file `name` of a library: `@NAME`, or a path.
+    pub fn open(name: impl Into<String>, library: &Library) -> Result<Self, Unreadable> {
+        let name = name.into();
+        Ok(Self {
+            text: library.read(&name)?.into_owned(),
+            name,
+            set: Vec::new(),
+            library: library.clone(),
+        })
     }
 
     /// Adds an override.
@@ -129,24 +147,20 @@ impl GraphSource {
 
     /// Reads and checks everything; all mistakes at once.
     pub fn check(&self, registry: &Registry) -> Result<Graph, Mistakes> {
-        let mut sources = vec![Source {
-            name: self.name.clone(),
-            text: self.text.clone(),
-        }];
+        let mut sources = Vec::new();
         let mut problems = Vec::new();
-        let tree = yaml::parse(&self.text, 0, &mut problems);
-        // What a newer version means is not known here: to call any of it a mistake would mislead.
-        if let Some(problem) = tree.as_ref().and_then(file::too_new) {
-            return Err(Mistakes::new(sources, vec![problem]));
-        }
-        let tree = tree.map(|tree| set::apply(tree, &self.set, &mut sources, &mut problems));
-        let graph = tree
-            .as_ref()
-            .and_then(|tree| file::read(tree, &mut problems))
-            .and_then(|file| check::check(&self.name, &file, registry, &mut problems));
+        let Some(chain) = chain::read(self, &mut sources, &mut problems) else {
+            return Err(Mistakes::new(sources, problems));
+        };
+        let graph = overlay::lay(chain.trees, &mut problems).and_then(|(tree, removed)| {
+            let tree = set::apply(tree, &self.set, &mut sources, &mut problems);
+            let file = file::read(&tree, &removed, &mut problems)?;
+            check::check(&self.name, &file, registry, &mut problems)
+        });
         let mistakes = Mistakes::new(sources, problems);
         match graph {
             Some(mut graph) if !mistakes.has_errors() => {
+                graph.files = chain.files;
                 graph.warnings = mistakes;
                 Ok(graph)
             }
@@ -159,6 +173,11 @@ impl Graph {
     /// The file's name.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// The files it was read from: the graph file itself first, then what it extends, to the base of all.
+    pub fn files(&self) -> &[GraphFile] {
+        &self.files
     }
 
     /// What is odd but can run, such as nodes that no output needs.

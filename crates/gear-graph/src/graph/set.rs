@@ -7,7 +7,6 @@ use crate::{Problem, Span, Spanned, Tree, TreeKind};
 
 /// Applies the overrides in order; each becomes a source of its own, so that messages point into it.
 pub fn apply(mut tree: Tree, sets: &[String], sources: &mut Vec<Source>, problems: &mut Vec<Problem>) -> Tree {
-    yaml::duplicate_keys(&tree, problems);
     for set in sets {
         let source = sources.len() as u32;
         sources.push(Source {

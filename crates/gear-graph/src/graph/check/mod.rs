@@ -119,6 +119,7 @@ pub fn check(name: &str, file: &File<'_>, registry: &Registry, problems: &mut Ve
         readers,
         first_reader,
         order: order?,
+        files: Vec::new(),
         warnings: super::Mistakes::default(),
     };
     // A wire that is wrong leaves its source unused; to say so would be noise.

@@ -203,6 +203,19 @@ impl Checker<'_, '_> {
             Some((id, port)) => (id, Some(port)),
             None => (source.value, None),
         };
+        if let Some(removed) = self.file.removed.get(name) {
+            self.problems.push(
+                Problem::error(
+                    "removed-but-read",
+                    format!("`{name}` is removed here, but `{}` is still read", source.value),
+                    *removed,
+                    "removed here",
+                )
+                .label(source.span, "still read here")
+                .help("wire something else there, or remove what reads it as well"),
+            );
+            return;
+        }
         let guess = self.guesses > 0;
         self.guesses = self.guesses.saturating_sub(1);
         let outputs_of = |id: &str| -> Vec<String> {

@@ -1,5 +1,7 @@
 //! One message for every cause, word for word; and what a good file becomes.
 
+mod overlays;
+
 use crate::run::tests::kit::*;
 use crate::*;
 

@@ -1,0 +1,303 @@
+//! A graph over another: names that the overlay gives replace those of its base.
+//!
+//! Inputs, nodes and outputs are replaced by name; within a node or an input, `in` is replaced port by port and `with`
+//! parameter by parameter. A method with parameters of its own is merged with the same method and replaces another
+//! one. Another type of node or of input takes no parameters from the one that it replaces. `null` removes an input,
+//! a node, an output, a wire or a parameter. A section or map with nothing in it changes nothing.
+//!
+//! Everything keeps the place where it was written, so that a mistake points into the right file. The name of what an
+//! overlay touches has its place in the overlay.
+
+use std::collections::HashMap;
+
+use super::nearest;
+use crate::{Problem, Span, Spanned, Tree, TreeKind};
+
+type Entry = (Spanned<String>, Tree);
+
+/// Inputs and nodes that an overlay removed, with the place where it did.
+pub type Removed = HashMap<String, Span>;
+
+/// Lays the trees over each other; the last one is the base of all.
+pub fn lay(trees: Vec<Tree>, problems: &mut Vec<Problem>) -> Option<(Tree, Removed)> {
+    let mut overlay = Overlay {
+        removed: Removed::new(),
+        problems,
+    };
+    let mut trees = trees.into_iter().rev();
+    let mut base = trees.next()?;
+    for tree in trees {
+        base = overlay.graph(base, tree);
+    }
+    Some((base, overlay.removed))
+}
+
+struct Overlay<'p> {
+    removed: Removed,
+    problems: &'p mut Vec<Problem>,
+}
+
+impl Overlay<'_> {
+    fn graph(&mut self, base: Tree, over: Tree) -> Tree {
+        let (TreeKind::Map(entries), span) = (over.kind, over.span) else {
+            return base;
+        };
+        let TreeKind::Map(base) = base.kind else {
+            return base; // reported when the names are read
+        };
+        let mut merged = Map::of(base);
+        for (key, tree) in entries {
+            match key.value.as_str() {
+                section @ ("inputs" | "nodes" | "outputs") => {
+                    let base = merged.take(section);
+                    let tree = self.section(section, base, tree);
+                    merged.put(key, tree);
+                }
+                _ => merged.put(key, tree),
+            }
+        }
+        Tree {
+            span,
+            kind: TreeKind::Map(merged.entries()),
+        }
+    }
+
+    fn section(&mut self, section: &str, base: Option<Tree>, over: Tree) -> Tree {
+        let entries = match over.kind {
+            TreeKind::Map(entries) => entries,
+            TreeKind::Null => Vec::new(),
+            _ => {
+                self.problems.push(Problem::error(
+                    "wrong-type",
+                    format!("`{section}` must be a map, found {}", over.describe()),
+                    over.span,
+                    "expected a map",
+                ));
+                Vec::new()
+            }
+        };
+        let mut merged = match base.map(|base| (base.kind, base.span)) {
+            Some((TreeKind::Map(base), _)) => Map::of(base),
+            None | Some((TreeKind::Null, _)) => Map::default(),
+            // Reported when the names are read.
+            Some((kind, span)) => return Tree { kind, span },
+        };
+        let what = section.trim_end_matches('s');
+        for (key, tree) in entries {
+            let base = merged.take(&key.value);
+            if tree.kind == TreeKind::Null {
+                match base {
+                    Some(_) if what != "output" => {
+                        self.removed.insert(key.value, key.span);
+                    }
+                    Some(_) => {}
+                    None => self.nothing_to_remove(&key, &format!("no {what}"), "graph", &merged),
+                }
+                continue;
+            }
+            if what != "output" {
+                self.removed.remove(&key.value);
+            }
+            let tree = match base {
+                Some(base) if what == "node" => self.site(base, tree, "node"),
+                Some(base) if what == "input" => self.site(typed(base), typed(tree), "type"),
+                _ => tree,
+            };
+            merged.put(key, tree);
+        }
+        Tree {
+            span: over.span,
+            kind: TreeKind::Map(merged.entries()),
+        }
+    }
+
+    /// A node over a node, or an input over an input; `kind` is the key that says of which type it is.
+    fn site(&mut self, base: Tree, over: Tree, kind: &str) -> Tree {
+        let (TreeKind::Map(entries), span) = (&over.kind, over.span) else {
+            return over; // reported when the names are read
+        };
+        let TreeKind::Map(base) = base.kind else {
+            return over;
+        };
+        let mut merged = Map::of(base);
+        let given = entries.iter().rev().find(|(key, _)| key.value == kind);
+        if let Some((_, given)) = given
+            && merged.get(kind).is_some_and(|base| base.kind != given.kind)
+        {
+            merged.take("with");
+        }
+        let TreeKind::Map(entries) = over.kind else {
+            return Tree {
+                span,
+                kind: TreeKind::Null,
+            }; // looked at above
+        };
+        for (key, tree) in entries {
+            let tree = match (key.value.as_str(), merged.take(&key.value)) {
+                ("in", Some(base)) => self.wires(base, tree),
+                ("with", Some(base)) => params(base, tree),
+                _ => tree,
+            };
+            merged.put(key, tree);
+        }
+        Tree {
+            span,
+            kind: TreeKind::Map(merged.entries()),
+        }
+    }
+
+    fn wires(&mut self, base: Tree, over: Tree) -> Tree {
+        let span = over.span;
+        let (mut merged, entries) = match maps(base, over) {
+            Ok(both) => both,
+            Err(one) => return one,
+        };
+        for (key, tree) in entries {
+            let base = merged.take(&key.value);
+            match (base, &tree.kind) {
+                (Some(_), TreeKind::Null) => {}
+                (None, TreeKind::Null) => self.nothing_to_remove(&key, "nothing wired to the port", "node", &merged),
+                _ => merged.put(key, tree),
+            }
+        }
+        Tree {
+            span,
+            kind: TreeKind::Map(merged.entries()),
+        }
+    }
+
+    fn nothing_to_remove(&mut self, key: &Spanned<String>, lacks: &str, what: &str, base: &Map) {
+        let names = base.names();
+        let help = match nearest(&key.value, names.clone()) {
+            Some(near) => Some(format!("did you mean `{near}`?")),
+            None => {
+                let names: Vec<_> = names.take(20).collect();
+                (!names.is_empty()).then(|| format!("there are {}", names.join(", ")))
+            }
+        };
+        self.problems.push(
+            Problem::error(
+                "nothing-to-remove",
+                format!("the {what} below has {lacks} `{}`", key.value),
+                key.span,
+                "nothing to remove",
+            )
+            .maybe_help(help),
+        );
+    }
+}
+
+/// Parameters over parameters. A `null` over nothing stays: it may be a value.
+fn params(base: Tree, over: Tree) -> Tree {
+    let span = over.span;
+    let (mut merged, entries) = match maps(base, over) {
+        Ok(both) => both,
+        Err(one) => return one,
+    };
+    for (key, tree) in entries {
+        let tree = match merged.take(&key.value) {
+            Some(_) if tree.kind == TreeKind::Null => continue,
+            Some(base) => param(base, tree),
+            None => tree,
+        };
+        merged.put(key, tree);
+    }
+    Tree {
+        span,
+        kind: TreeKind::Map(merged.entries()),
+    }
+}
+
+/// A method is merged with the same method; every other value is replaced.
+fn param(base: Tree, over: Tree) -> Tree {
+    match (base.kind, over.kind) {
+        (TreeKind::Map(mut base), TreeKind::Map(mut entries))
+            if base.len() == 1 && entries.len() == 1 && base[0].0.value == entries[0].0.value =>
+        {
+            let ((_, base), (key, tree)) = (base.remove(0), entries.remove(0));
+            Tree {
+                span: over.span,
+                kind: TreeKind::Map(vec![(key, params(base, tree))]),
+            }
+        }
+        (_, kind) => Tree { span: over.span, kind },
+    }
+}
+
+/// Both as maps; or the one of both that counts where one is none.
+fn maps(base: Tree, over: Tree) -> Result<(Map, Vec<Entry>), Tree> {
+    match (base.kind, over.kind) {
+        (TreeKind::Map(base), TreeKind::Map(entries)) => Ok((Map::of(base), entries)),
+        (kind, TreeKind::Null) => Err(Tree { span: base.span, kind }),
+        (_, kind) => Err(Tree { span: over.span, kind }),
+    }
+}
+
+/// `Image` as `{type: Image}`.
+fn typed(tree: Tree) -> Tree {
+    let span = tree.span;
+    match tree.kind {
+        TreeKind::Text(_) => {
+            let key = Spanned {
+                value: "type".to_owned(),
+                span,
+            };
+            Tree {
+                span,
+                kind: TreeKind::Map(vec![(key, tree)]),
+            }
+        }
+        _ => tree,
+    }
+}
+
+/// A map in which names are found at once and keep their order.
+#[derive(Default)]
+struct Map {
+    entries: Vec<(Spanned<String>, Option<Tree>)>,
+    index: HashMap<String, usize>,
+}
+
+impl Map {
+    /// Of keys that repeat, which was reported, the last one counts.
+    fn of(entries: Vec<Entry>) -> Self {
+        let mut map = Self::default();
+        for (key, tree) in entries {
+            map.put(key, tree);
+        }
+        map
+    }
+
+    fn get(&self, name: &str) -> Option<&Tree> {
+        self.entries[*self.index.get(name)?].1.as_ref()
+    }
+
+    /// Takes an entry out; what is put under its name later stands at its place.
+    fn take(&mut self, name: &str) -> Option<Tree> {
+        self.entries[*self.index.get(name)?].1.take()
+    }
+
+    fn put(&mut self, key: Spanned<String>, tree: Tree) {
+        match self.index.get(&key.value) {
+            Some(at) => self.entries[*at] = (key, Some(tree)),
+            None => {
+                self.index.insert(key.value.clone(), self.entries.len());
+                self.entries.push((key, Some(tree)));
+            }
+        }
+    }
+
+    fn names(&self) -> impl Iterator<Item = &str> + Clone {
+        self.entries
+            .iter()
+            .filter(|(_, tree)| tree.is_some())
+            .map(|(key, _)| key.value.as_str())
+    }
+
+    fn entries(self) -> Vec<Entry> {
+        self.entries
+            .into_iter()
+            .filter_map(|(key, tree)| Some((key, tree?)))
+            .collect()
+    }
+}

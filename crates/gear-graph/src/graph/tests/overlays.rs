@@ -1,0 +1,219 @@
+//! Graphs over graphs: what is replaced, what is removed, and where mistakes point.
+
+use serde_json::json;
+
+use crate::graph::Library;
+use crate::run::tests::kit::*;
+use crate::*;
+
+const BASE: &str = "gear: 1
+inputs:
+  x: {type: Number, with: {scale: 3}}
+  y: {type: Number, optional: true}
+nodes:
+  first:  {node: Add, in: {of: [x, y]}, with: {plus: 1}}
+  choose: {node: Choose, in: {a: first.sum, b: x, c: x}, with: {when: {above: {threshold: 2}}}}
+  ranged: {node: Ranged, in: {x: choose.chosen}, with: {share: 0.25, count: 2, list: [1, 2]}}
+outputs:
+  chosen: choose.chosen
+  whole: ranged.whole
+";
+
+/// Files that are found as `@base`, `@middle`, …
+fn library(files: &[(&'static str, &'static str)]) -> Library {
+    Library::holding(files.iter().copied())
+}
+
+fn check(library: &Library) -> Result<Graph, Mistakes> {
+    GraphSource::open("@top", library).unwrap().check(&registry())
+}
+
+fn over(text: &'static str) -> Result<Graph, Mistakes> {
+    check(&library(&[("base", BASE), ("top", text)]))
+}
+
+fn params(graph: &Graph, id: &str) -> serde_json::Value {
+    let node = graph.nodes().iter().find(|node| node.id == id).unwrap();
+    serde_json::Value::Object(node.params())
+}
+
+fn ids(graph: &Graph) -> Vec<&str> {
+    graph.nodes().iter().map(|node| node.id.as_str()).collect()
+}
+
+fn wiring(graph: &Graph, id: &str) -> Vec<String> {
+    let at = graph.nodes().iter().position(|node| node.id == id).unwrap();
+    let wiring = graph.wiring(at);
+    wiring.iter().map(|(port, from)| format!("{port}: {from}")).collect()
+}
+
+#[test]
+fn an_overlay_that_says_nothing_is_its_base() {
+    let graph = over("{gear: 1, extends: '@base', nodes: , inputs: {x: {with: }}, outputs: {}}").unwrap();
+    assert_eq!(ids(&graph), ["first", "choose", "ranged"]);
+    assert_eq!(wiring(&graph, "choose"), ["a: first.sum", "b: x", "c: x"]);
+    assert_eq!(params(&graph, "first"), json!({"plus": 1.0}));
+    assert_eq!(graph.inputs()[0].params()["scale"], json!(3.0));
+    assert!(graph.inputs()[1].optional);
+}
+
+#[test]
+fn parameters_and_wires_are_replaced_one_by_one() {
+    let graph = over(
+        "gear: 1
+extends: '@base'
+inputs: {x: {with: {scale: 5}}}
+nodes:
+  choose: {in: {b: first.sum}}
+  ranged: {with: {count: 7, list: [3]}}
+",
+    )
+    .unwrap();
+    assert_eq!(graph.inputs()[0].params()["scale"], json!(5.0));
+    assert_eq!(wiring(&graph, "choose"), ["a: first.sum", "b: first.sum", "c: x"]);
+    let ranged = params(&graph, "ranged");
+    assert_eq!(
+        (&ranged["share"], &ranged["count"], &ranged["list"]),
+        (&json!(0.25), &json!(7), &json!([3.0]))
+    );
+}
+
+#[test]
+fn null_removes_nodes_inputs_outputs_wires_and_parameters() {
+    let graph = over(
+        "gear: 1
+extends: '@base'
+inputs: {y: null}
+nodes:
+  first: {in: {of: x}, with: {plus: null}}
+  choose: {in: {c: ~}}
+  ranged:
+outputs: {whole: null, twice: choose.twice}
+",
+    )
+    .unwrap();
+    assert_eq!(graph.inputs().len(), 1);
+    assert_eq!(ids(&graph), ["first", "choose"]);
+    assert_eq!(wiring(&graph, "choose"), ["a: first.sum", "b: x"]);
+    assert_eq!(params(&graph, "first"), json!({"plus": 0.0}), "the default again");
+    let outputs: Vec<_> = graph.outputs().iter().map(|output| output.name.as_str()).collect();
+    assert_eq!(outputs, ["chosen", "twice"]);
+}
+
+#[test]
+fn the_same_method_is_merged_and_another_one_replaces_it() {
+    let when = |text| params(&over(text).unwrap(), "choose")["when"].clone();
+    assert_eq!(
+        when("{gear: 1, extends: '@base', nodes: {choose: {with: {when: always}}}}"),
+        json!("always")
+    );
+    assert_eq!(
+        when("{gear: 1, extends: '@base', nodes: {choose: {with: {when: {never: {}}}}}}"),
+        json!("never")
+    );
+    for (text, threshold) in [
+        ("{above: {threshold: 4}}", 4.0),
+        ("{above: {}}", 2.0),
+        ("{above: {threshold: null}}", 10.0),
+        ("above", 10.0),
+        ("null", 10.0),
+    ] {
+        let text = format!("{{gear: 1, extends: '@base', nodes: {{choose: {{with: {{when: {text}}}}}}}}}");
+        assert_eq!(when(text.leak()), json!({"above": {"threshold": threshold}}));
+    }
+}
+
+#[test]
+fn another_type_of_node_keeps_the_wires_and_not_the_parameters() {
+    let graph = over("{gear: 1, extends: '@base', nodes: {ranged: {node: Floor}}}").unwrap();
+    assert_eq!(wiring(&graph, "ranged"), ["x: choose.chosen"]);
+    assert_eq!(params(&graph, "ranged"), json!({}));
+    let graph = over("{gear: 1, extends: '@base', nodes: {ranged: {node: Ranged}}}").unwrap();
+    assert_eq!(params(&graph, "ranged")["count"], json!(2), "the same type keeps them");
+}
+
+#[test]
+fn what_is_new_is_added_and_what_is_replaced_keeps_its_place() {
+    let graph = over(
+        "gear: 1
+extends: '@base'
+nodes:
+  last: {node: Floor, in: {x: first.sum}}
+  first: {with: {plus: 2}}
+outputs: {last: last.whole}
+",
+    )
+    .unwrap();
+    assert_eq!(ids(&graph), ["first", "choose", "ranged", "last"]);
+}
+
+#[test]
+fn overlays_extend_overlays_and_the_files_are_told() {
+    let middle =
+        "{gear: 1, extends: base.yaml, nodes: {first: {with: {plus: 5}}, ranged: null}, outputs: {whole: null}}";
+    let top = "{gear: 1, extends: '@folder/middle', nodes: {choose: {with: {when: never}}, ranged: {node: Floor, in: {x: x}}}, outputs: {w: ranged.whole}}";
+    let library = library(&[("folder/base", BASE), ("folder/middle", middle), ("top", top)]);
+    let graph = check(&library).unwrap();
+    assert_eq!(params(&graph, "first"), json!({"plus": 5.0}));
+    assert_eq!(params(&graph, "choose"), json!({"when": "never"}));
+    assert_eq!(
+        wiring(&graph, "ranged"),
+        ["x: x"],
+        "nothing of a node that was removed comes back"
+    );
+    let names: Vec<_> = graph.files().iter().map(|file| file.name.as_str()).collect();
+    assert_eq!(names, ["@top", "@folder/middle", "@folder/base"]);
+    for file in graph.files() {
+        let text = library.read(&file.name).unwrap();
+        assert_eq!(file.digest, Digest::of(text.as_bytes()), "{}", file.name);
+    }
+}
+
+#[test]
+fn paths_are_found_from_the_file_that_names_them() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("below")).unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(path("base.yaml"), BASE).unwrap();
+    std::fs::write(path("below/middle.yaml"), "{gear: 1, extends: ../base.yaml}").unwrap();
+    std::fs::write(path("top.yaml"), "{gear: 1, extends: below/middle.yaml}").unwrap();
+    let graph = GraphSource::open(path("top.yaml"), &Library::default())
+        .unwrap()
+        .check(&registry())
+        .unwrap();
+    let names: Vec<_> = graph.files().iter().map(|file| file.name.clone()).collect();
+    assert_eq!(names, [path("top.yaml"), path("below/middle.yaml"), path("base.yaml")]);
+}
+
+#[test]
+fn a_ring_of_files_is_found_under_any_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::create_dir(folder.path().join("below")).unwrap();
+    std::fs::write(path("a.yaml"), "{gear: 1, extends: below/../b.yaml}").unwrap();
+    std::fs::write(path("b.yaml"), "{gear: 1, extends: ./below/.././a.yaml}").unwrap();
+    let source = GraphSource::open(path("a.yaml"), &Library::default()).unwrap();
+    let mistakes = source.check(&registry()).unwrap_err();
+    assert_eq!(mistakes.problems()[0].code, "extends-cycle");
+}
+
+#[test]
+fn long_chains_do_not_exhaust_anything() {
+    let mut files = vec![
+        ("base".to_owned(), BASE.to_owned()),
+        ("link0".to_owned(), "{gear: 1, extends: '@base'}".to_owned()),
+    ];
+    for i in 1..3000 {
+        let text = format!(
+            "{{gear: 1, extends: '@link{}', nodes: {{first: {{with: {{plus: {i}}}}}}}}}",
+            i - 1
+        );
+        files.push((format!("link{i}"), text));
+    }
+    let library = Library::holding(files);
+    let graph = GraphSource::open("@link2999", &library)
+        .unwrap()
+        .check(&registry())
+        .unwrap();
+    assert_eq!(params(&graph, "first"), json!({"plus": 2999.0}));
+}
