@@ -8,6 +8,7 @@
 
 pub mod colour;
 pub mod edges;
+#[cfg_attr(not(feature = "graph"), allow(dead_code))] // files are then only read
 mod exr_file;
 pub mod filter;
 pub mod io;
@@ -16,8 +17,10 @@ mod raster;
 pub mod solve;
 pub mod stats;
 pub mod testing;
+#[cfg(feature = "graph")]
 mod value;
 
 pub use raster::{Field, Image, Linear, LinearImage, Mask, Rgb, Space, Srgb, SrgbImage};
 
+#[cfg(feature = "graph")]
 pub use io::register;

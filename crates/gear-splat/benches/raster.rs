@@ -1,14 +1,158 @@
-//! Prints medians of forward and forward + backward times: `cargo bench -p gear-splat`.
+//! What the CPU rasteriser costs: `cargo bench -p gear-splat --bench raster [-- --curve | --surfels]`.
 //!
-//! `surfels`: a relief of 1–2 px discs at 768² as `Reconstruct` makes it. `random`: centres in the unit ball, scales
-//! log-uniform 0.002–0.02, opacities 0.05–0.95, seen from distance 2.5 with a field of view of 40° at 512².
+//! The scene: centres in the unit ball, scales log-uniform 0.002–0.02, opacities 0.05–0.95, random rotations, SH degree
+//! 0, seen at 512² from distance 2.5 under 40°. Times are minima over many runs, which is what a quiet machine would
+//! show; on a busy one the counters of work (pairs, pixels, lanes) still compare. `--curve` goes from 10k to 3M
+//! Gaussians, `--surfels` shows reliefs of 1–2 px discs at 768² as `Reconstruct` makes them.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use gear_splat::cpu::Frame;
 use gear_splat::render::{PixelGradients, Wanted};
 use gear_splat::{Camera, Gaussian, Outputs, RenderOptions, Scene};
 use glam::{Quat, Vec3};
+
+fn main() {
+    let asked = |flag: &str| std::env::args().any(|argument| argument == flag);
+    if asked("--surfels") {
+        for count in [30_000, 100_000, 360_000] {
+            report(&Bench::new(surfels(count, 768)));
+        }
+    } else if asked("--curve") {
+        curve();
+    } else {
+        for count in [20_000, 100_000, 400_000] {
+            reset_peak();
+            report(&Bench::new(random_ball(count)));
+        }
+    }
+}
+
+/// Forward and backward time against the number of Gaussians, and what one of them costs.
+fn curve() {
+    println!("gaussians    forward ms    fwd+bwd ms    ns a gaussian");
+    for count in [10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000] {
+        let bench = Bench::new(random_ball(count));
+        let (forward, both) = bench.on_threads(2, || {
+            (bench.forward(Outputs::RGBA), bench.forward_backward(Wanted::All))
+        });
+        println!(
+            "{count:>9} {forward:>13.1} {both:>13.1} {:>16.0}",
+            both * 1e6 / count as f64
+        );
+    }
+}
+
+fn report(bench: &Bench) {
+    let everything = |threads| {
+        bench.on_threads(threads, || {
+            (
+                bench.forward(Outputs::RGBA),
+                bench.forward_backward(Wanted::All),
+                bench.forward_backward(Wanted::Color),
+            )
+        })
+    };
+    let (forward, both, colors) = everything(2);
+    let peak = peak_mb();
+    let (forward_1, both_1, _) = everything(1);
+    println!("{} Gaussians", bench.scene.len());
+    println!("  ms on 2 threads: forward {forward:.1}, forward + backward {both:.1} (colours only {colors:.1})");
+    println!(
+        "  on 1 thread: {forward_1:.1} / {both_1:.1}, {:.2} / {:.2} times as long",
+        forward_1 / forward,
+        both_1 / both
+    );
+    let only = |rgb: bool| Outputs {
+        rgb: true,
+        alpha: !rgb,
+        depth: !rgb,
+        normal: !rgb,
+        median_depth: false,
+    };
+    let (rgb, all, prepared) = bench.on_threads(2, || {
+        let frame = bench.frame(Outputs::RGBA);
+        drop(frame);
+        (
+            bench.forward(only(true)),
+            bench.forward(only(false)),
+            minimum(|| drop(bench.frame(Outputs::RGBA))),
+        )
+    });
+    println!(
+        "  of which projection, sorting and tiles {prepared:.1}; depth, normal and alpha add {:.0} % to colour's {rgb:.1}",
+        100.0 * (all / rgb - 1.0)
+    );
+    if let Some(peak) = peak {
+        println!("  peak memory {peak:.0} MB");
+    }
+}
+
+struct Bench {
+    scene: Scene,
+    camera: Camera,
+    loss: PixelGradients,
+}
+
+impl Bench {
+    fn new((scene, camera): (Scene, Camera)) -> Self {
+        let pixels = (camera.width * camera.height) as usize;
+        let rgb = (0..pixels).map(|i| [(i % 7) as f32 - 3.0, (i % 5) as f32 - 2.0, 0.5]);
+        let loss = PixelGradients {
+            rgb: rgb.collect(),
+            alpha: Vec::new(),
+        };
+        Self { scene, camera, loss }
+    }
+
+    fn on_threads<T: Send>(&self, threads: usize, run: impl FnOnce() -> T + Send) -> T {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("threads can be started").install(run)
+    }
+
+    fn frame(&self, outputs: Outputs) -> Frame {
+        Frame::new(&self.scene, &self.camera, &RenderOptions::default(), outputs)
+    }
+
+    fn forward(&self, outputs: Outputs) -> f64 {
+        minimum(|| drop(self.frame(outputs).draw()))
+    }
+
+    fn forward_backward(&self, wanted: Wanted) -> f64 {
+        minimum(|| {
+            let frame = self.frame(Outputs::RGBA);
+            drop(frame.backward(&self.scene, &frame.draw(), &self.loss, wanted));
+        })
+    }
+}
+
+/// Smallest wall time of the runs that fit into a third of a second, and of at least five, ms.
+fn minimum(mut run: impl FnMut()) -> f64 {
+    let mut best = Duration::MAX;
+    let begin = Instant::now();
+    let mut runs = 0;
+    while runs < 5 || begin.elapsed() < Duration::from_millis(300) {
+        let start = Instant::now();
+        run();
+        best = best.min(start.elapsed());
+        runs += 1;
+    }
+    best.as_secs_f64() * 1e3
+}
+
+/// Lets the next [`peak_mb`] count from here, where the system can (Linux).
+fn reset_peak() {
+    // Without it the peak of the whole run is shown, which is still an upper bound.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+/// Largest resident memory of this process, scene included.
+fn peak_mb() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kb: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kb / 1024.0)
+}
 
 struct Random(u64);
 
@@ -20,37 +164,9 @@ impl Random {
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32
     }
-}
 
-fn surfels(count: usize, side: u32) -> (Scene, Camera) {
-    let mut random = Random(1);
-    let mut scene = Scene::default();
-    let columns = (count as f32).sqrt() as usize;
-    let spacing = 0.9 / columns as f32;
-    for j in 0..columns {
-        for i in 0..columns {
-            let (x, y) = (i as f32 * spacing - 0.45, j as f32 * spacing - 0.45);
-            let normal = Vec3::new(0.4 * (9.0 * x).sin_like(), 0.4 * (7.0 * y).sin_like(), 1.0).normalize();
-            scene.push(Gaussian {
-                center: Vec3::new(x, y, 0.1 * (9.0 * x).sin_like()),
-                scales: Vec3::new(0.6, 0.6, 0.15) * spacing,
-                rotation: Quat::from_rotation_arc(Vec3::Z, normal),
-                opacity: 0.99,
-                color: [random.next(), random.next(), random.next()],
-            });
-        }
-    }
-    (scene, Camera::front(side, side))
-}
-
-/// A smooth wave without the platform's sine.
-trait Wave {
-    fn sin_like(self) -> f32;
-}
-
-impl Wave for f32 {
-    fn sin_like(self) -> f32 {
-        libm::sin(f64::from(self)) as f32
+    fn centred(&mut self) -> f32 {
+        self.next() - 0.5
     }
 }
 
@@ -64,12 +180,7 @@ fn random_ball(count: usize) -> (Scene, Camera) {
         }
         let mut scale = || (0.002 * libm::pow(10.0, f64::from(random.next()))) as f32;
         let scales = Vec3::new(scale(), scale(), scale());
-        let q = Quat::from_xyzw(
-            random.next() - 0.5,
-            random.next() - 0.5,
-            random.next() - 0.5,
-            random.next() - 0.5,
-        );
+        let q = Quat::from_xyzw(random.centred(), random.centred(), random.centred(), random.centred());
         scene.push(Gaussian {
             center,
             scales,
@@ -79,76 +190,28 @@ fn random_ball(count: usize) -> (Scene, Camera) {
         });
     }
     let focal = (256.0 / libm::tan(20f64.to_radians())) as f32;
-    (
-        scene,
-        Camera::look_at(Vec3::Z * 2.5, Vec3::ZERO, Vec3::Y, 512, 512, focal),
-    )
+    let camera = Camera::look_at(Vec3::Z * 2.5, Vec3::ZERO, Vec3::Y, 512, 512, focal);
+    (scene, camera)
 }
 
-/// Median wall time of a few runs, ms.
-fn median(mut run: impl FnMut()) -> f64 {
-    run();
-    let mut times: Vec<f64> = (0..9)
-        .map(|_| {
-            let start = Instant::now();
-            run();
-            start.elapsed().as_secs_f64() * 1e3
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
-}
-
-fn report(name: &str, scene: &Scene, camera: &Camera) {
-    let options = RenderOptions::default();
-    let pixels = (camera.width * camera.height) as usize;
-    let loss = PixelGradients {
-        rgb: (0..pixels)
-            .map(|i| [(i % 7) as f32 - 3.0, (i % 5) as f32 - 2.0, 0.5])
-            .collect(),
-        alpha: Vec::new(),
-    };
-    let rgba = || Frame::new(scene, camera, &options, Outputs::RGBA);
-    let frame = rgba();
-    let picture = frame.draw();
-    let stages = [
-        ("prepare", median(|| drop(rgba()))),
-        ("draw", median(|| drop(frame.draw()))),
-        ("forward", median(|| drop(rgba().draw()))),
-        (
-            "forward+backward",
-            median(|| {
-                let frame = rgba();
-                drop(frame.backward(scene, &frame.draw(), &loss, Wanted::All));
-            }),
-        ),
-        (
-            "colours: draw+backward",
-            median(|| drop(frame.backward(scene, &frame.draw(), &loss, Wanted::Color))),
-        ),
-        (
-            "backward",
-            median(|| drop(frame.backward(scene, &picture, &loss, Wanted::All))),
-        ),
-        (
-            "everything",
-            median(|| drop(Frame::new(scene, camera, &options, Outputs::ALL).draw())),
-        ),
-    ];
-    print!("{name:<14} {:>7} gaussians {:>8} pairs", scene.len(), frame.pairs());
-    for (stage, ms) in stages {
-        print!("  {stage} {ms:.1}");
+fn surfels(count: usize, side: u32) -> (Scene, Camera) {
+    let wave = |x: f32| libm::sin(f64::from(x)) as f32;
+    let mut random = Random(1);
+    let mut scene = Scene::default();
+    let columns = (count as f32).sqrt() as usize;
+    let spacing = 0.9 / columns as f32;
+    for j in 0..columns {
+        for i in 0..columns {
+            let (x, y) = (i as f32 * spacing - 0.45, j as f32 * spacing - 0.45);
+            let normal = Vec3::new(0.4 * wave(9.0 * x), 0.4 * wave(7.0 * y), 1.0).normalize();
+            scene.push(Gaussian {
+                center: Vec3::new(x, y, 0.1 * wave(9.0 * x)),
+                scales: Vec3::new(0.6, 0.6, 0.15) * spacing,
+                rotation: Quat::from_rotation_arc(Vec3::Z, normal),
+                opacity: 0.99,
+                color: [random.next(), random.next(), random.next()],
+            });
+        }
     }
-    println!("  (ms)");
-}
-
-fn main() {
-    for count in [30_000, 100_000, 360_000] {
-        let (scene, camera) = surfels(count, 768);
-        report("surfels 768", &scene, &camera);
-    }
-    for count in [20_000, 100_000, 400_000] {
-        let (scene, camera) = random_ball(count);
-        report("random 512", &scene, &camera);
-    }
+    (scene, Camera::front(side, side))
 }

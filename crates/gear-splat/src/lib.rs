@@ -10,6 +10,7 @@ pub mod refine;
 pub mod render;
 mod scene;
 pub mod sh;
+#[cfg(feature = "graph")]
 mod values;
 mod views;
 

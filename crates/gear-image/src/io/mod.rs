@@ -13,6 +13,7 @@ mod error;
 mod exr;
 mod format;
 mod jpeg;
+#[cfg(feature = "graph")]
 mod loader;
 mod orient;
 mod png;
@@ -26,6 +27,7 @@ use std::path::Path;
 
 pub use decode::{decode_image, decode_mask};
 pub use error::{Problem, ReadError};
+#[cfg(feature = "graph")]
 pub use loader::{ImageFile, MaskFile, register};
 pub use write::{WriteError, png_bytes, write_atomically, write_mask_png, write_png};
 

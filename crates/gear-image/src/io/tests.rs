@@ -457,6 +457,7 @@ fn files_are_written_whole_or_not_at_all() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
+#[cfg(feature = "graph")]
 #[test]
 fn the_loaders_leave_notes_and_name_the_cause() {
     use gear_graph::{Context, FileSource, Loader};
