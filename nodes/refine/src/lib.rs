@@ -89,7 +89,7 @@ pub struct Out {
 
 impl Node for Refine {
     const NAME: &str = "Refine";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     type Inputs = In;
     type Outputs = Out;
 

@@ -15,9 +15,10 @@ const EPSILON: f64 = 1e-15;
 const LOGIT_MAX: f32 = 9.0;
 /// Largest ratio of a Gaussian's scales.
 const NEEDLE_MAX: f32 = 200.0;
-/// A standard deviation grows to at most so many times the largest one that the Gaussian began with. At the rim of
-/// a picture nobody looks at what lies beyond, and without this limit Gaussians grow whiskers there.
-const GROWTH_MAX: f32 = 2.0;
+/// A standard deviation grows to at most so many times the largest one that the Gaussian began with, and by no more
+/// than a typical surfel. At the rim of a picture nobody looks at what lies beyond, and without this limit small
+/// Gaussians grow whiskers there, and the large ones of a plain back grow shadows around it.
+const GROWTH_MAX: f64 = 2.0;
 /// Gaussians handled by one task.
 const CHUNK: usize = 4096;
 
@@ -68,6 +69,8 @@ pub(super) struct Anchored {
     extent: f32,
     /// The typical surfel, world units.
     unit: f64,
+    /// Largest log scale of each Gaussian.
+    ceilings: Vec<f32>,
     moments: [Moments; GROUPS],
     gradients: [Vec<f32>; GROUPS],
     steps: [usize; GROUPS],
@@ -76,6 +79,7 @@ pub(super) struct Anchored {
 impl Anchored {
     pub fn new(scene: &Scene, options: &RefineOptions) -> Self {
         let extent = scene.bounds().map_or(1.0, |b| b.longest_side()).max(1e-6);
+        let unit = typical_surfel(scene);
         Self {
             scene: scene.clone(),
             anchor: scene.clone(),
@@ -83,7 +87,8 @@ impl Anchored {
             weights: options.anchor_weights,
             lambda: options.anchor,
             extent,
-            unit: typical_surfel(scene),
+            unit,
+            ceilings: ceilings(scene, unit, extent),
             moments: Default::default(),
             gradients: Default::default(),
             steps: [0; GROUPS],
@@ -193,13 +198,13 @@ impl Anchored {
     /// no needles and no whiskers, opacities that can still change.
     fn restrain(&mut self) {
         let ln = |x: f32| libm::log(f64::from(x)) as f32;
-        let (least, most) = (ln(1e-4 * self.extent), ln(0.2 * self.extent));
-        let (ratio, growth) = (ln(NEEDLE_MAX), ln(GROWTH_MAX));
+        let (least, ratio) = (ln(1e-4 * self.extent), ln(NEEDLE_MAX));
         let anchor = &self.anchor;
-        for (scales, start) in self.scene.log_scales.iter_mut().zip(&anchor.log_scales) {
+        let limits = anchor.log_scales.iter().zip(&self.ceilings);
+        for (scales, (start, ceiling)) in self.scene.log_scales.iter_mut().zip(limits) {
             // What came outside the limits may stay there, but go no farther.
             let low = Vec3::splat(least).min(*start);
-            let high = Vec3::splat(most.min(start.max_element() + growth)).max(*start);
+            let high = Vec3::splat(*ceiling).max(*start);
             let held = scales.clamp(low, high);
             let allowed = ratio.max(start.max_element() - start.min_element());
             *scales = held.max(Vec3::splat(held.max_element() - allowed));
@@ -242,6 +247,20 @@ impl Anchored {
         }
         self.lambda * total / self.scene.len().max(1) as f64
     }
+}
+
+/// What each Gaussian's log scales may grow to.
+fn ceilings(scene: &Scene, unit: f64, extent: f32) -> Vec<f32> {
+    let most = libm::log(0.2 * f64::from(extent));
+    scene
+        .log_scales
+        .iter()
+        .map(|start| {
+            let start = f64::from(start.max_element());
+            let growth = (unit / libm::exp(start)).min(GROWTH_MAX - 1.0);
+            most.min(start + libm::log(1.0 + growth)) as f32
+        })
+        .collect()
 }
 
 /// Median of the geometric means of the two larger standard deviations.
