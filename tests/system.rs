@@ -20,6 +20,8 @@ mod same_bits_on_any_thread_count;
 mod the_commands_answer;
 #[path = "system/the_samples_pass_the_gates.rs"]
 mod the_samples_pass_the_gates;
+#[path = "system/the_store_is_looked_after.rs"]
+mod the_store_is_looked_after;
 
 /// A graph that is done in a moment, for promises that do not depend on what is computed.
 const SMALL: &str = "\

@@ -35,6 +35,14 @@ pub enum Command {
     /// Takes the arguments of `gear run` and writes nothing.
     #[command(mut_arg("out", |out| out.hide(true)), mut_arg("quiet", |quiet| quiet.hide(true)))]
     Plan(RunArgs),
+    /// Tell why a node would run, or which run its stored results came from
+    ///
+    /// Takes the arguments of `gear run`, and computes nothing: compares with what the store remembers.
+    #[command(mut_arg("out", |out| out.hide(true)), mut_arg("quiet", |quiet| quiet.hide(true)))]
+    Why(WhyArgs),
+    /// Look after the store: how much it holds, what is damaged, what to carry to another machine
+    #[command(subcommand)]
+    Cache(CacheCommand),
     /// List the nodes, or show a node or a kind of input: ports, parameters, ranges, units
     Nodes(NodesArgs),
     /// Draw a graph
@@ -94,6 +102,109 @@ pub struct RunArgs {
     /// Tell nothing but notes, warnings and errors on standard error
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// `gear why`.
+#[derive(Debug, Args)]
+pub struct WhyArgs {
+    /// The run.
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// The node or input, or one output of a node
+    #[arg(value_name = "NODE[.PORT]")]
+    pub node: String,
+    /// For people, or for programs
+    #[arg(long, value_enum, default_value_t = TextFormat::Text)]
+    pub format: TextFormat,
+}
+
+/// `gear cache`.
+#[derive(Debug, Subcommand)]
+pub enum CacheCommand {
+    /// Tell what the store holds
+    Stat {
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+        /// For people, or for programs
+        #[arg(long, value_enum, default_value_t = TextFormat::Text)]
+        format: TextFormat,
+    },
+    /// Remove values until the store is within its limit: first what was quick to compute and is large
+    Gc {
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+        /// Bytes that the store may take, such as 500MiB or 2GiB
+        #[arg(long, value_name = "SIZE", value_parser = crate::sizes::parse, default_value = "8GiB")]
+        limit: u64,
+    },
+    /// Read everything that the store holds, and tell what is damaged; exit code 1 if anything is
+    Verify {
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+        /// Remove what is damaged; it is computed again when it is needed
+        #[arg(long)]
+        repair: bool,
+    },
+    /// Remove everything from the store
+    Clear {
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+    },
+    /// Write the store into one file, to import it elsewhere
+    ///
+    /// Everything, or with --graph (and the arguments of the run) what that run needs.
+    Export(ExportArgs),
+    /// Add what `gear cache export` wrote; all of it is verified first
+    Import {
+        /// The archive
+        file: PathBuf,
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+    },
+}
+
+/// Which store.
+#[derive(Debug, Args)]
+pub struct StoreArgs {
+    /// The store [default: $GEAR_STORE, or `gear` in the user's cache folder]
+    #[arg(long, value_name = "DIR")]
+    pub store: Option<PathBuf>,
+}
+
+/// `gear cache export`.
+#[derive(Debug, Args)]
+pub struct ExportArgs {
+    /// The archive to write
+    pub file: PathBuf,
+    /// Only what a run of this graph needs
+    #[arg(long, value_name = "GRAPH")]
+    pub graph: Option<String>,
+    /// As given to that run
+    #[arg(long, value_name = "NODE.PARAM=VALUE", requires = "graph")]
+    pub set: Vec<String>,
+    /// As given to that run
+    #[arg(long, value_name = "NAME=PATH|sample:NAME", requires = "graph")]
+    pub input: Vec<String>,
+    /// As given to that run
+    #[arg(long, value_name = "NAME", requires = "graph")]
+    pub output: Vec<String>,
+    /// The store.
+    #[command(flatten)]
+    pub store: StoreArgs,
+}
+
+/// Who reads what is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TextFormat {
+    /// People
+    Text,
+    /// Programs
+    Json,
 }
 
 /// `gear nodes`.

@@ -72,6 +72,23 @@ pub enum CliError {
         /// The type of the input.
         value_type: &'static str,
     },
+    /// There is no store where one was looked for.
+    #[error("{}", no_store(path.as_deref()))]
+    NoStore {
+        /// The folder; none if the machine has no cache folder.
+        path: Option<PathBuf>,
+    },
+    /// The store cannot be read or changed.
+    #[error("the store {}: {cause}", path.display())]
+    Store {
+        /// Its folder.
+        path: PathBuf,
+        /// Why.
+        cause: std::io::Error,
+    },
+    /// An archive of a store cannot be written or taken.
+    #[error("{0}")]
+    Archive(gear_graph::ArchiveError),
     /// The run was asked for in a way that cannot be.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
     Run(Vec<RunMistake>),
@@ -117,9 +134,24 @@ impl CliError {
     /// How the process ends.
     pub fn exit(&self) -> Exit {
         match self {
-            Self::Write { .. } | Self::StandardOutput { .. } | Self::Encode { .. } => Exit::Failed,
+            Self::Write { .. } | Self::StandardOutput { .. } | Self::Encode { .. } | Self::Store { .. } => Exit::Failed,
             Self::Run(mistakes) if mistakes.contains(&RunMistake::Interrupted) => Exit::Interrupted,
             _ => Exit::Mistake,
         }
     }
+}
+
+fn no_store(path: Option<&std::path::Path>) -> String {
+    let Some(path) = path else {
+        return "there is no cache folder here; name the store with --store DIR".to_owned();
+    };
+    let what = match std::fs::metadata(path) {
+        Err(_) => "there is nothing",
+        Ok(meta) if meta.is_dir() => "this folder was not made by gear",
+        Ok(_) => "this is a file",
+    };
+    format!(
+        "{} is no store: {what}; `gear run --store DIR` makes one",
+        path.display()
+    )
 }

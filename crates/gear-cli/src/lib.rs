@@ -17,6 +17,7 @@
 //! | `inputs` | `--input NAME=PATH` and `sample:NAME` |
 //! | `outputs`, `bundle`, `folder` | values as files, written so that no half file stands under a final name |
 //! | `artefacts`, `gallery`, `page` | pictures of a run and the page that shows them |
+//! | `sizes` | bytes and times, as people write them |
 //! | `words` | what the page says about pictures and numbers |
 //! | `progress` | progress bars, or a line a node |
 
@@ -34,6 +35,7 @@ mod outputs;
 mod page;
 mod progress;
 mod registry;
+mod sizes;
 mod words;
 
 pub use graphs::{Shipped, shipped};
@@ -89,6 +91,8 @@ fn dispatch(command: &Command, registry: &Registry, console: &Console) -> Result
         Command::Run(options) => commands::run::run(options, registry, console),
         Command::Check(options) => commands::check::check(options, registry, console),
         Command::Plan(options) => commands::plan::plan(&options.run, registry, console),
+        Command::Why(options) => commands::why::why(options, registry, console),
+        Command::Cache(command) => commands::cache::cache(command, registry, console),
         Command::Nodes(options) => commands::nodes::nodes(options, registry, console),
         Command::Graph(options) => commands::graph::graph(options, registry, console),
         Command::Graphs(options) => commands::graphs::graphs(options, console),

@@ -18,6 +18,15 @@ impl Digest {
     }
 }
 
+impl Digest {
+    /// Reads what [`Digest::hex`] wrote.
+    pub fn from_hex(hex: &str) -> Option<Self> {
+        let lower = hex.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
+        let hash = blake3::Hash::from_hex(hex).ok().filter(|_| lower)?;
+        Some(Self(*hash.as_bytes()))
+    }
+}
+
 impl fmt::Debug for Digest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", &self.hex()[..16])

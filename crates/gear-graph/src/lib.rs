@@ -29,9 +29,10 @@ pub use params::{
 };
 pub use registry::{LoaderSpec, LoaderType, NodeSpec, NodeType, Registry};
 pub use run::{
-    ElidedPort, Event, Failure, FailureKind, Input, InputSummary, NodeReport, NodeStatus, Observer, Outcome,
-    OutputReport, Plan, PlannedNode, PlannedState, PortReport, Run, RunMistake, RunReport, RunStatus, peak_memory,
+    Difference, EarlierRun, ElidedPort, Event, Failure, FailureKind, Input, InputSummary, NodeReport, NodeStatus,
+    Observer, Outcome, OutputReport, Part, Plan, PlannedNode, PlannedState, PortReport, Run, RunMistake, RunReport,
+    RunStatus, Why, WhyAhead, peak_memory,
 };
-pub use store::{Collected, DEFAULT_STORE_LIMIT, Store, StoreStat};
+pub use store::{ArchiveError, Archived, Collected, DEFAULT_STORE_LIMIT, Store, StoreStat, TypeStat, Verified};
 pub use value::{Summary, Value, ValueError};
 pub use values::{Number, Report};

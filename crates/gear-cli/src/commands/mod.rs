@@ -1,5 +1,6 @@
 //! One file a command.
 
+pub mod cache;
 pub mod check;
 pub mod graph;
 pub mod graphs;
@@ -7,3 +8,4 @@ pub mod nodes;
 pub mod plan;
 pub mod run;
 pub mod sample;
+pub mod why;

@@ -20,6 +20,7 @@ mod outcome;
 mod plan;
 mod report;
 mod scheduler;
+mod why;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -34,6 +35,8 @@ pub use report::{
     ElidedPort, Failure, FailureKind, InputSummary, NodeReport, NodeStatus, OutputReport, PortReport, RunReport,
     RunStatus,
 };
+
+pub use why::{Difference, EarlierRun, Part, Why, WhyAhead};
 
 use crate::{AnyValue, Graph, Store, Value};
 
@@ -141,6 +144,13 @@ impl<'g> Run<'g> {
     pub fn plan(&self) -> Result<Plan, Vec<RunMistake>> {
         let given = inputs::resolve(self)?;
         Ok(plan::plan(self, &given))
+    }
+
+    /// Why an output would run, or where its stored value came from; nothing is computed. `name` is an input, a node
+    /// (all of its outputs that are needed) or `node.port`. Outputs of which the same is to be said are told together.
+    pub fn why(&self, name: &str) -> Result<Vec<Why>, Vec<RunMistake>> {
+        let given = inputs::resolve(self)?;
+        why::why(self, &given, name).map_err(|mistake| vec![mistake])
     }
 
     /// Runs. `Err` is a mistake of the user, found before anything ran; a node that fails is told in the report.

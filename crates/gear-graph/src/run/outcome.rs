@@ -103,6 +103,7 @@ pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, elapsed: Duration,
         .collect();
     let report = RunReport {
         version: env!("CARGO_PKG_VERSION"),
+        id: format!("{:016x}", machine.id),
         graph: graph.name().to_string(),
         status,
         seconds: elapsed.as_secs_f64(),

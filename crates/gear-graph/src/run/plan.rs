@@ -79,17 +79,22 @@ struct Decided {
 }
 
 pub(super) fn plan(run: &Run<'_>, given: &[Given]) -> Plan {
+    planned(run, given).report()
+}
+
+/// Plans as far as it gets without computing anything.
+pub(super) fn planned<'r>(run: &'r Run<'r>, given: &[Given]) -> Planner<'r> {
     let mut planner = Planner {
         machine: Machine::new(run, given.to_vec()),
         decided: BTreeMap::new(),
     };
     planner.machine.start();
     planner.settle();
-    planner.report()
+    planner
 }
 
-struct Planner<'r> {
-    machine: Machine<'r>,
+pub(super) struct Planner<'r> {
+    pub machine: Machine<'r>,
     decided: BTreeMap<u32, Decided>,
 }
 
@@ -174,7 +179,7 @@ impl Planner<'_> {
         }
     }
 
-    fn report(&self) -> Plan {
+    pub fn report(&self) -> Plan {
         let machine = &self.machine;
         let graph = machine.graph;
         // What an undecided demand may want, and all before it that is not wanted anyway; by whom.
@@ -293,7 +298,7 @@ impl Planner<'_> {
 }
 
 /// Whether a slot in this phase has to run.
-fn pending(phase: Phase) -> bool {
+pub(super) fn pending(phase: Phase) -> bool {
     matches!(
         phase,
         Phase::Digests | Phase::ValuesToDecide | Phase::ValuesToRun | Phase::Deciding | Phase::Queued | Phase::Again

@@ -21,6 +21,8 @@ pub enum RunStatus {
 pub struct RunReport {
     /// Version of this crate.
     pub version: &'static str,
+    /// Identifies the run; `gear why` names it.
+    pub id: String,
     /// The graph file.
     pub graph: String,
     /// How it ended.

@@ -90,7 +90,7 @@ pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>) -> Outcome<'g> {
     let interrupted = scheduler.work(&receiver);
     if let Some(store) = &run.store {
         store.flush();
-        if let Err(error) = store.gc_if_full() {
+        if let Err(error) = store.tidy() {
             let warning = format!("the store {} cannot be kept small ({error})", store.path().display());
             scheduler.machine.warnings.push(warning);
         }

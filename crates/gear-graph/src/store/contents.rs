@@ -12,18 +12,33 @@ pub struct Contents {
     root: PathBuf,
 }
 
+/// Backup programs leave out folders with a file that begins so (bford.info/cachedir).
+const TAG: &str = "Signature: 8a477f597d28d172789f06886806bc55\n# Made by gear; may be deleted at any time.\n";
+
+/// Whether a folder is a store.
+pub fn is_store(root: &Path) -> bool {
+    fs::read(root.join("CACHEDIR.TAG")).is_ok_and(|tag| tag == TAG.as_bytes())
+}
+
 /// Makes the folders, and finds out whether they can be written.
 pub fn prepare(root: &Path) -> io::Result<()> {
+    // Collecting garbage in somebody's folder of that name would be a disaster. The tag is written first: whoever sees
+    // folders of a store that is being made sees its tag too.
+    if !is_store(root) {
+        for name in ["contents", "tmp"] {
+            if root.join(name).exists() && !is_store(root) {
+                return Err(io::Error::other(format!(
+                    "it is no store, and has a `{name}` of its own"
+                )));
+            }
+        }
+        fs::create_dir_all(root)?;
+        let mut tag = tempfile::Builder::new().prefix(".tag-").tempfile_in(root)?;
+        tag.write_all(TAG.as_bytes())?;
+        tag.persist(root.join("CACHEDIR.TAG")).map_err(|error| error.error)?;
+    }
     fs::create_dir_all(root.join("contents"))?;
     fs::create_dir_all(root.join("tmp"))?;
-    let tag = root.join("CACHEDIR.TAG");
-    if !tag.exists() {
-        // Backup programs leave out folders with this file (bford.info/cachedir).
-        fs::write(
-            tag,
-            "Signature: 8a477f597d28d172789f06886806bc55\n# Made by gear; may be deleted at any time.\n",
-        )?;
-    }
     tempfile::tempfile_in(root.join("tmp"))?;
     super::log::lock_file(root).map(drop)
 }
@@ -43,6 +58,14 @@ impl Contents {
             .join("contents")
             .join(&hex[..2])
             .join(format!("{hex}.{extension}"))
+    }
+
+    /// The checksum that a content's path promises; `None` if it is no path of a content.
+    pub fn named(path: &Path) -> Option<Digest> {
+        let (hex, extension) = path.file_name()?.to_str()?.split_once('.')?;
+        let folder = path.parent()?.file_name()?.to_str()?;
+        let plain = extension.chars().all(|c| c.is_ascii_alphanumeric());
+        (plain && hex.get(..2) == Some(folder)).then(|| Digest::from_hex(hex))?
     }
 
     pub fn exists(&self, content: &Content) -> bool {
@@ -84,26 +107,35 @@ impl Contents {
 
     /// The bytes, verified; `Ok(None)` if they are not there (any more), `Err` with what is wrong with them.
     pub fn read(&self, content: &Content) -> Result<Option<Vec<u8>>, String> {
+        let read = self.look_at(content);
+        // Its age decides what `gc` removes. A store that cannot be written does without.
+        if let (
+            Ok(Some(_)),
+            Content::File {
+                checksum, extension, ..
+            },
+        ) = (&read, content)
+            && let Ok(file) = File::open(self.path(checksum, extension))
+        {
+            let _ = file.set_modified(SystemTime::now());
+        }
+        read
+    }
+
+    /// The same, without counting as a use.
+    pub fn look_at(&self, content: &Content) -> Result<Option<Vec<u8>>, String> {
         let (checksum, extension) = match content {
             Content::Inline(bytes) => return Ok(Some(bytes.clone())),
             Content::File {
                 checksum, extension, ..
             } => (checksum, extension),
         };
-        let path = self.path(checksum, extension);
-        let bytes = match fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(format!("cannot be read ({error})")),
-        };
-        if Digest::of(&bytes) != *checksum {
-            return Err("does not have the checksum that is its name".to_string());
+        match fs::read(self.path(checksum, extension)) {
+            Ok(bytes) if Digest::of(&bytes) == *checksum => Ok(Some(bytes)),
+            Ok(_) => Err("does not have the checksum that is its name".to_string()),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(format!("cannot be read ({error})")),
         }
-        // Its age decides what `gc` removes. A store that cannot be written does without.
-        if let Ok(file) = File::open(&path) {
-            let _ = file.set_modified(SystemTime::now());
-        }
-        Ok(Some(bytes))
     }
 
     /// Removes a content, if possible; its path.

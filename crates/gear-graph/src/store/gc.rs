@@ -6,24 +6,11 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
+use super::contents::Contents;
+use super::origin::Origin;
 use super::record::{Content, Record};
 use super::{Store, log};
 use crate::Digest;
-
-/// What a store holds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct StoreStat {
-    /// Recorded actions.
-    pub actions: usize,
-    /// Artefacts kept by key.
-    pub blobs: usize,
-    /// Files with contents.
-    pub contents: usize,
-    /// Bytes of contents.
-    pub content_bytes: u64,
-    /// Bytes of the log.
-    pub log_bytes: u64,
-}
 
 /// What a collection removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -42,6 +29,9 @@ const GRACE: Duration = Duration::from_secs(3600);
 /// The log is read as a whole by every process; beyond this size it is rewritten, and half of it dropped at most.
 const LOG_LIMIT: u64 = 128 << 20;
 
+/// The same for the log of origins, which runs do not read.
+const ORIGINS_LIMIT: u64 = 128 << 20;
+
 struct Kept {
     path: PathBuf,
     bytes: u64,
@@ -50,29 +40,37 @@ struct Kept {
 }
 
 impl Store {
-    /// What the store holds, counted on disk.
-    pub fn stat(&self) -> StoreStat {
-        let records = log::Log::read(&self.root, &mut Vec::new()).records();
-        let files = files(&self.root.join("contents"));
-        StoreStat {
-            actions: records.iter().filter(|r| matches!(r, Record::Done(_))).count(),
-            blobs: records.iter().filter(|r| matches!(r, Record::Blob { .. })).count(),
-            contents: files.len(),
-            content_bytes: files.iter().map(|(_, meta)| meta.len()).sum(),
-            log_bytes: fs::metadata(log::path(&self.root)).map_or(0, |meta| meta.len()),
-        }
-    }
-
-    /// Collects garbage if the store has grown beyond its limit, as far as this process knows.
-    pub fn gc_if_full(&self) -> io::Result<Option<Collected>> {
+    /// What a run does at its end: collects garbage if the store has grown beyond its limit, as far as this process
+    /// knows, and mends a damaged log, so that its damage is told of once and not by every run.
+    pub fn tidy(&self) -> io::Result<Option<Collected>> {
         let inner = self.inner();
-        if inner.read_only || (inner.bytes <= self.limit && inner.log.len() <= LOG_LIMIT) {
+        if inner.read_only {
             return Ok(None);
         }
+        let full = inner.bytes > self.limit || inner.log.len() > LOG_LIMIT || inner.origins > ORIGINS_LIMIT;
+        let damaged = inner.log.damaged > 0;
         drop(inner);
-        let collected = self.gc(self.limit)?;
-        self.inner().bytes = collected.left;
-        Ok(Some(collected))
+        if full {
+            let collected = self.gc(self.limit)?;
+            self.inner().bytes = collected.left;
+            return Ok(Some(collected));
+        }
+        if damaged {
+            self.mend()?;
+        }
+        Ok(None)
+    }
+
+    /// Writes the logs anew without what is damaged in them.
+    pub(super) fn mend(&self) -> io::Result<()> {
+        self.flush();
+        let lock = log::lock_file(&self.root)?;
+        lock.lock()?;
+        let records = log::Log::read(&self.root, &mut Vec::new()).records();
+        self.rewrite(records, u64::MAX)?;
+        self.rewrite_origins(u64::MAX)?;
+        self.inner().log.damaged = 0;
+        Ok(())
     }
 
     /// Removes contents, least worth first, until contents and log take at most nine tenths of `limit`; then
@@ -87,8 +85,12 @@ impl Store {
         let now = SystemTime::now();
         let mut collected = Collected::default();
         let mut kept = Vec::new();
-        let mut total = fs::metadata(log::path(&self.root)).map_or(0, |meta| meta.len());
+        let logs = log::bytes_on_disk(&self.root);
+        let mut total = logs;
         for (path, meta) in files(&self.root.join("contents")) {
+            if Contents::named(&path).is_none() {
+                continue; // not ours
+            }
             let age = meta
                 .modified()
                 .ok()
@@ -123,52 +125,80 @@ impl Store {
             total -= content.bytes;
             remove(&content.path, content.bytes, &mut collected);
         }
-        let before = fs::metadata(log::path(&self.root)).map_or(0, |meta| meta.len());
-        let after = self.rewrite(records, (limit / 4).min(LOG_LIMIT / 2))?;
-        collected.left = total - before + after;
+        let actions = self.rewrite(records, (limit / 4).min(LOG_LIMIT / 2))?;
+        let origins = self.rewrite_origins((limit / 16).min(ORIGINS_LIMIT / 2))?;
+        collected.left = total - logs + actions + origins;
         Ok(collected)
     }
 
     /// Writes the records that are worth keeping into a new log, at most `limit` bytes, latest first; its size.
-    fn rewrite(&self, records: Vec<Record>, limit: u64) -> io::Result<u64> {
-        let mut frames = Vec::new();
-        let mut total = 0;
-        for mut record in records.into_iter().rev() {
+    pub(super) fn rewrite(&self, records: Vec<Record>, limit: u64) -> io::Result<u64> {
+        let still_there = records.into_iter().filter_map(|mut record| {
             let gone = log::content(&record).is_some_and(|content| !self.contents.exists(content));
             match &mut record {
                 Record::Done(done) if gone => done.content = None,
-                Record::Blob { .. } if gone => continue,
+                Record::Blob { .. } if gone => return None,
                 _ => {}
             }
-            let mut bytes = Vec::new();
-            record.write(&mut bytes);
-            total += bytes.len() as u64;
-            if total > limit {
-                break;
-            }
-            frames.push(bytes);
+            Some(record)
+        });
+        let still_there: Vec<_> = still_there.collect();
+        self.replace(&log::path(&self.root), &latest(&still_there, Record::write, limit))
+    }
+
+    /// The same for origins.
+    pub(super) fn rewrite_origins(&self, limit: u64) -> io::Result<u64> {
+        let (origins, _) = log::read_origins(&self.root)?;
+        let path = log::origins_path(&self.root);
+        if origins.is_empty() && !path.exists() {
+            return Ok(0);
         }
+        self.replace(&path, &latest(&origins, Origin::write, limit))
+    }
+
+    /// Puts a new file in the place of a log; its size.
+    fn replace(&self, path: &Path, bytes: &[u8]) -> io::Result<u64> {
         let mut file = tempfile::Builder::new()
             .prefix("log-")
             .tempfile_in(self.root.join("tmp"))?;
-        let bytes: Vec<u8> = frames.into_iter().rev().flatten().collect();
-        file.write_all(&bytes)?;
-        file.persist(log::path(&self.root)).map_err(|error| error.error)?;
+        file.write_all(bytes)?;
+        file.persist(path).map_err(|error| error.error)?;
         Ok(bytes.len() as u64)
     }
 
-    /// Removes everything.
+    /// Removes everything that the store put into its folder.
     pub fn clear(&self) -> io::Result<Collected> {
         self.flush();
         let lock = log::lock_file(&self.root)?;
         lock.lock()?;
         let mut collected = Collected::default();
         for (path, meta) in files(&self.root.join("contents")) {
-            remove(&path, meta.len(), &mut collected);
+            if Contents::named(&path).is_some() {
+                remove(&path, meta.len(), &mut collected);
+            }
         }
-        remove(&log::path(&self.root), 0, &mut collected);
+        for log in [log::path(&self.root), log::origins_path(&self.root)] {
+            let bytes = fs::metadata(&log).map_or(0, |meta| meta.len());
+            remove(&log, bytes, &mut collected);
+        }
         Ok(collected)
     }
+}
+
+/// The frames of the last records that fit into `limit` bytes, in their order.
+fn latest<T>(records: &[T], write: impl Fn(&T, &mut Vec<u8>), limit: u64) -> Vec<u8> {
+    let mut frames = Vec::new();
+    let mut total = 0;
+    for record in records.iter().rev() {
+        let mut bytes = Vec::new();
+        write(record, &mut bytes);
+        total += bytes.len() as u64;
+        if total > limit {
+            break;
+        }
+        frames.push(bytes);
+    }
+    frames.into_iter().rev().flatten().collect()
 }
 
 /// Seconds of work behind every content, by the checksum that is its name.
@@ -196,8 +226,8 @@ fn remove(path: &Path, bytes: u64, collected: &mut Collected) {
     }
 }
 
-/// The files of a folder and of its folders.
-fn files(root: &Path) -> Vec<(PathBuf, fs::Metadata)> {
+/// The files of a folder and of its folders, sorted.
+pub(super) fn files(root: &Path) -> Vec<(PathBuf, fs::Metadata)> {
     let mut found = Vec::new();
     let mut folders = vec![root.to_path_buf()];
     while let Some(folder) = folders.pop() {

@@ -6,14 +6,29 @@ use std::hash::{BuildHasherDefault, Hasher};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use super::record::{self, Content, Done, Record};
+use super::bytes::frames;
+use super::origin::Origin;
+use super::record::{Content, Done, Record};
 use crate::Digest;
 
 /// A change of the format changes the name, so that another version's log is a clean miss.
-const NAME: &str = "actions-1.log";
+pub const ACTIONS: &str = "actions-1.log";
+
+/// The same for the log of origins, which runs only write.
+pub const ORIGINS: &str = "origins-1.log";
 
 pub fn path(root: &Path) -> PathBuf {
-    root.join(NAME)
+    root.join(ACTIONS)
+}
+
+pub fn origins_path(root: &Path) -> PathBuf {
+    root.join(ORIGINS)
+}
+
+/// Bytes of the two logs on disk.
+pub fn bytes_on_disk(root: &Path) -> u64 {
+    let size = |path: PathBuf| fs::metadata(path).map_or(0, |meta| meta.len());
+    size(path(root)) + size(origins_path(root))
 }
 
 /// Keys are digests: their first bytes are as good a hash as any.
@@ -44,6 +59,10 @@ pub struct Log {
     by_value: Index,
     /// Everything before this offset is on disk.
     written: usize,
+    /// Records that no run reads and that wait to be written.
+    origins: Vec<u8>,
+    /// Bytes of the log on disk that belong to no record.
+    pub damaged: usize,
     /// Sizes of the contents in files, by checksum.
     contents: HashMap<Digest, u64, BuildHasherDefault<FirstBytes>>,
 }
@@ -60,18 +79,28 @@ impl Log {
                 Vec::new()
             }
         };
-        let (frames, damaged) = record::frames(&bytes);
+        let mut log = Self::of(bytes);
+        let damaged = log.damaged;
         if damaged > 0 {
             warnings.push(format!(
                 "{damaged} bytes of the store's {} are damaged; what they recorded is computed again",
                 path.display()
             ));
         }
+        log.written = log.bytes.len();
+        log
+    }
+
+    /// A log of these bytes, none of which are on disk.
+    pub fn of(bytes: Vec<u8>) -> Self {
+        let (frames, damaged) = frames(&bytes);
         let mut log = Self {
-            written: bytes.len(),
+            written: 0,
             bytes,
             by_key: Index::default(),
             by_value: Index::default(),
+            origins: Vec::new(),
+            damaged,
             contents: HashMap::default(),
         };
         log.by_key.reserve(frames.len());
@@ -131,6 +160,10 @@ impl Log {
         self.index(frame);
     }
 
+    pub fn push_origin(&mut self, origin: &Origin) {
+        origin.write(&mut self.origins);
+    }
+
     /// Bytes of the log.
     pub fn len(&self) -> u64 {
         self.bytes.len() as u64
@@ -142,10 +175,11 @@ impl Log {
     }
 
     pub fn pending_bytes(&self) -> usize {
-        self.bytes.len() - self.written
+        self.bytes.len() - self.written + self.origins.len()
     }
 
-    /// Appends what was pushed since the last call, with one write.
+    /// Appends what was pushed since the last call, with one write a log. Origins go first: a record whose origin is
+    /// lost cannot be explained.
     pub fn append(&mut self, root: &Path) -> io::Result<u64> {
         let pending = self.pending_bytes();
         if pending == 0 {
@@ -154,8 +188,13 @@ impl Log {
         let lock = lock_file(root)?;
         lock.lock_shared()?;
         // Opened anew each time: `gc` of another process may have put a new file in its place.
-        let mut file = OpenOptions::new().append(true).create(true).open(path(root))?;
-        let result = file.write_all(&self.bytes[self.written..]);
+        let append = |path: PathBuf, bytes: &[u8]| {
+            let mut file = OpenOptions::new().append(true).create(true).open(path)?;
+            file.write_all(bytes)
+        };
+        let origins = std::mem::take(&mut self.origins);
+        let first = append(origins_path(root), &origins);
+        let result = first.and_then(|()| append(path(root), &self.bytes[self.written..]));
         // Even a torn write is not repeated: its records verify or are skipped, and repeating costs a full disk more.
         self.written = self.bytes.len();
         result.map(|()| pending as u64)
@@ -170,6 +209,28 @@ impl Log {
             .filter_map(|(start, end)| Record::read(&self.bytes[start..end]))
             .collect()
     }
+}
+
+/// The origins on disk, oldest first, and the bytes that belong to none.
+pub fn read_origins(root: &Path) -> io::Result<(Vec<Origin>, usize)> {
+    let bytes = match fs::read(origins_path(root)) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
+        Err(error) => return Err(error),
+    };
+    Ok(origins_of(&bytes))
+}
+
+/// The origins in the bytes of a log, and the bytes that belong to none.
+pub fn origins_of(bytes: &[u8]) -> (Vec<Origin>, usize) {
+    let (frames, damaged) = frames(bytes);
+    (
+        frames
+            .into_iter()
+            .filter_map(|frame| Origin::read(&bytes[frame]))
+            .collect(),
+        damaged,
+    )
 }
 
 pub fn lock_file(root: &Path) -> io::Result<File> {

@@ -4,6 +4,7 @@
 //!
 //! ```text
 //! actions-1.log          records, appended only: Done, Need, Blob (the number is the format's version)
+//! origins-1.log          what every key was made of, and by which run; appended only, read only to explain
 //! contents/ab/ab12….exr  encoded values, named by the checksum of their bytes
 //! tmp/                   contents that are being written
 //! lock                   held shared to append, exclusively to collect garbage
@@ -36,16 +37,25 @@
 //! | while `gc` removes contents | records without their contents | misses for who needs the values |
 //! | while `gc` rewrites the log | the old log, and a file in `tmp/` | as if it had not run |
 
+mod archive;
+mod bytes;
 mod contents;
 mod gc;
 mod log;
+mod origin;
 mod record;
+mod stat;
+mod verify;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-pub use gc::{Collected, StoreStat};
+pub use archive::{ArchiveError, Archived};
+pub use gc::Collected;
+pub(crate) use origin::{Origin, Parts, PortPart};
 pub(crate) use record::{Content, Done, Need, Record};
+pub use stat::{StoreStat, TypeStat};
+pub use verify::Verified;
 
 use crate::{AnyValue, Digest, Hasher, ValueType};
 use contents::Contents;
@@ -71,8 +81,12 @@ struct Inner {
     warnings: Vec<String>,
     /// Nothing is written any more.
     read_only: bool,
-    /// Bytes of contents and log, as far as this process knows.
+    /// Bytes of contents and logs, as far as this process knows.
     bytes: u64,
+    /// Bytes of the log of origins when it was opened.
+    origins: u64,
+    /// The keys that were looked up, if somebody wants to know.
+    asked: Option<Vec<Digest>>,
 }
 
 impl Store {
@@ -89,7 +103,8 @@ impl Store {
             ));
         }
         let log = Log::read(&root, &mut warnings);
-        let bytes = log.bytes();
+        let origins = std::fs::metadata(log::origins_path(&root)).map_or(0, |meta| meta.len());
+        let bytes = log.bytes() + origins;
         Self {
             contents: Contents::new(&root),
             root,
@@ -99,6 +114,8 @@ impl Store {
                 warnings,
                 read_only,
                 bytes,
+                origins,
+                asked: None,
             }),
         }
     }
@@ -126,6 +143,16 @@ impl Store {
         })
     }
 
+    /// Whether there is a store in a folder.
+    pub fn exists(root: &Path) -> bool {
+        contents::is_store(root)
+    }
+
+    /// Bytes that the store takes at most.
+    pub fn limit(&self) -> u64 {
+        self.limit
+    }
+
     /// The folder.
     pub fn path(&self) -> &Path {
         &self.root
@@ -142,7 +169,44 @@ impl Store {
 
     /// What is known at a key.
     pub(crate) fn lookup(&self, key: &Digest) -> Option<Record> {
-        self.inner().log.find(key)
+        let mut inner = self.inner();
+        let found = inner.log.find(key);
+        if let (Some(asked), true) = (&mut inner.asked, found.is_some()) {
+            asked.push(*key);
+        }
+        found
+    }
+
+    /// Remembers from now on which keys are looked up and found.
+    pub(crate) fn listen(&self) {
+        self.inner().asked = Some(Vec::new());
+    }
+
+    /// The keys that were looked up and found since [`Store::listen`].
+    pub(crate) fn heard(&self) -> Vec<Digest> {
+        self.inner().asked.take().unwrap_or_default()
+    }
+
+    /// Keeps where a result came from. Its record is published after it.
+    pub(crate) fn publish_origin(&self, origin: &Origin) {
+        let mut inner = self.inner();
+        if !inner.read_only {
+            inner.log.push_origin(origin);
+        }
+    }
+
+    /// Where everything came from that was ever computed into this store and is still known, oldest first.
+    pub(crate) fn origins(&self) -> Vec<Origin> {
+        self.flush();
+        match log::read_origins(&self.root) {
+            Ok((origins, _)) => origins,
+            Err(error) => {
+                let path = log::origins_path(&self.root);
+                let warning = format!("the store's {} cannot be read ({error})", path.display());
+                self.inner().warnings.push(warning);
+                Vec::new()
+            }
+        }
     }
 
     /// Whether the value with this digest is in the store, as far as records say.

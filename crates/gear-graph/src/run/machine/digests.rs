@@ -18,8 +18,14 @@ impl Machine<'_> {
         }
     }
 
+    /// The key of a slot, and the one that it has on the cpu if its realm is another.
+    pub fn keys(&self, slot: u32) -> [Option<Digest>; 2] {
+        let state = &self.slots[slot as usize];
+        [state.key, state.cpu_key]
+    }
+
     /// Whether the digest of a slot is known.
-    pub(super) fn known(&self, slot: u32) -> bool {
+    pub fn known(&self, slot: u32) -> bool {
         let state = &self.slots[slot as usize];
         state.phase == Phase::Done || state.again
     }

@@ -43,6 +43,7 @@
 mod demand;
 mod digests;
 mod ends;
+mod parts;
 mod running;
 mod values;
 
@@ -136,6 +137,8 @@ pub(super) enum Happened {
 
 pub(super) struct Machine<'r> {
     pub run: &'r Run<'r>,
+    /// Identifies the run in explanations; no part of any key.
+    pub id: u64,
     pub graph: &'r Graph,
     pub given: Vec<Given>,
     /// Inputs that were not given.
@@ -185,6 +188,7 @@ impl<'r> Machine<'r> {
             .collect();
         let mut machine = Self {
             run,
+            id: parts::new_id(),
             graph,
             absent: given.iter().map(|given| matches!(given, Given::Absent)).collect(),
             given,

@@ -106,6 +106,7 @@ impl Machine<'_> {
         }
         if self.store.is_some() && self.cacheable(slot) {
             let done = self.record(slot, &value, digest, seconds, peak, notes);
+            self.publish_origin(slot, &done);
             match content {
                 Some(content) => self.publish(Record::Done(Done {
                     content: Some(content),

@@ -7,3 +7,4 @@ mod invariants;
 pub(crate) mod kit;
 mod oracle;
 mod scale;
+mod why;

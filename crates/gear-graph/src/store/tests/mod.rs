@@ -1,5 +1,8 @@
 //! What the store promises when things go wrong.
 
+mod archive;
+mod verify;
+
 use super::*;
 use crate::{Report, Value};
 
@@ -195,9 +198,9 @@ fn collection_removes_what_is_cheap_per_byte_and_keeps_its_digest() {
     assert!(value_at(&store, &cheap).is_none());
     assert!(store.lookup(&cheap).is_some(), "still known by its digest");
     assert!(store.stat().content_bytes <= 14_000);
-    assert_eq!(store.gc_if_full().unwrap(), None);
+    assert_eq!(store.tidy().unwrap(), None);
     let small = Store::open(dir.path()).with_limit(1000);
-    assert_eq!(small.gc_if_full().unwrap().unwrap().files, 1);
+    assert_eq!(small.tidy().unwrap().unwrap().files, 1);
 }
 
 #[test]
@@ -207,10 +210,83 @@ fn clearing_leaves_an_empty_store_that_works() {
     put(&store, "key", &big("a"), 0.1);
     store.clear().unwrap();
     let store = Store::open(dir.path());
-    assert_eq!(store.stat(), StoreStat::default());
+    let stat = store.stat();
+    assert_eq!((stat.actions, stat.blobs, stat.contents, stat.log_bytes), (0, 0, 0, 0));
     let key = put(&store, "key", &big("a"), 0.1);
     assert_eq!(
         value_at(&store, &key).unwrap().get::<Report>().unwrap().digest(),
         big("a").digest()
     );
+}
+
+#[test]
+fn a_damaged_log_is_mended_by_the_next_run_and_told_of_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let key = put(&Store::open(dir.path()), "key", &big("a"), 0.1);
+    let path = log::path(dir.path());
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes.extend(&bytes.clone()[..50]); // a batch that was cut off
+    std::fs::write(&path, bytes).unwrap();
+    let store = Store::open(dir.path());
+    assert_eq!(store.warnings().len(), 1);
+    store.tidy().unwrap();
+    let store = Store::open(dir.path());
+    assert_eq!(store.warnings(), [""; 0]);
+    assert!(value_at(&store, &key).is_some());
+}
+
+#[test]
+fn a_store_is_not_made_in_a_folder_that_has_contents_of_its_own() {
+    let dir = tempfile::tempdir().unwrap();
+    let mine = dir.path().join("contents/ab/mine.txt");
+    std::fs::create_dir_all(mine.parent().unwrap()).unwrap();
+    std::fs::write(&mine, "mine").unwrap();
+    let store = Store::open(dir.path());
+    assert!(store.warnings()[0].contains("no store"));
+    put(&store, "key", &big("a"), 0.1);
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "nothing was added");
+    assert!(!Store::exists(dir.path()));
+}
+
+#[test]
+fn what_the_store_did_not_put_there_is_never_removed() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path());
+    put(&store, "key", &big("a"), 0.1);
+    let mine = content_files(&store)[0].with_file_name("mine.txt");
+    std::fs::write(&mine, "mine").unwrap();
+    let old = std::time::SystemTime::now() - std::time::Duration::from_secs(1_000_000);
+    std::fs::File::open(&mine).unwrap().set_modified(old).unwrap();
+    store.gc(0).unwrap();
+    store.clear().unwrap();
+    assert_eq!(content_files(&store), [mine]);
+}
+
+#[test]
+fn another_versions_log_is_a_clean_miss() {
+    let dir = tempfile::tempdir().unwrap();
+    let key = put(&Store::open(dir.path()), "key", &big("a"), 0.1);
+    std::fs::rename(log::path(dir.path()), dir.path().join("actions-0.log")).unwrap();
+    let store = Store::open(dir.path());
+    assert!(store.lookup(&key).is_none());
+    assert_eq!(store.warnings(), [""; 0]);
+    put(&store, "key", &big("a"), 0.1);
+    assert!(value_at(&Store::open(dir.path()), &key).is_some());
+}
+
+#[test]
+fn records_of_a_kind_that_is_not_known_yet_are_passed_over() {
+    let dir = tempfile::tempdir().unwrap();
+    let key = put(&Store::open(dir.path()), "key", &big("a"), 0.1);
+    let mut bytes = std::fs::read(log::path(dir.path())).unwrap();
+    bytes::write_frame(&mut bytes, |w| {
+        w.byte(99)
+            .digest(&Digest::of(b"later"))
+            .text("what a later version writes");
+    });
+    std::fs::write(log::path(dir.path()), bytes).unwrap();
+    let store = Store::open(dir.path());
+    assert!(value_at(&store, &key).is_some());
+    assert!(store.lookup(&Digest::of(b"later")).is_none());
+    assert_eq!(store.warnings(), [""; 0]);
 }

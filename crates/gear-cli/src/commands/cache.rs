@@ -1,0 +1,228 @@
+//! `gear cache`: looks after the store.
+
+use std::path::PathBuf;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use gear_graph::{Archived, Registry, Store, StoreStat};
+
+use crate::args::{CacheCommand, ExportArgs, GraphArgs, PlanArgs, StoreArgs, TextFormat};
+use crate::console::Console;
+use crate::error::{CliError, Exit};
+use crate::sizes;
+
+use super::plan;
+
+pub fn cache(command: &CacheCommand, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    match command {
+        CacheCommand::Stat { store, format } => stat(&open(store, console)?, *format, console),
+        CacheCommand::Gc { store, limit } => gc(&open(store, console)?, *limit, console),
+        CacheCommand::Verify { store, repair } => verify(&open(store, console)?, *repair, registry, console),
+        CacheCommand::Clear { store } => clear(&open(store, console)?, console),
+        CacheCommand::Export(args) => export(args, registry, console),
+        CacheCommand::Import { file, store } => {
+            // The only one that may make a store.
+            let store = Store::open(path(store)?);
+            let archived = store.import(file).map_err(CliError::Archive)?;
+            console.result(&format!("{}: {}", store.path().display(), imported(&archived)));
+            Ok(Exit::Done)
+        }
+    }
+}
+
+fn path(args: &StoreArgs) -> Result<PathBuf, CliError> {
+    let path = args.store.clone().or_else(Store::default_path);
+    path.ok_or(CliError::NoStore { path: None })
+}
+
+/// The store, which must be there: a folder that gear did not make is never touched.
+fn open(args: &StoreArgs, console: &Console) -> Result<Store, CliError> {
+    let path = path(args)?;
+    if !Store::exists(&path) {
+        return Err(CliError::NoStore { path: Some(path) });
+    }
+    let store = Store::open(path);
+    for warning in store.warnings() {
+        console.warning(&warning);
+    }
+    Ok(store)
+}
+
+fn failed(store: &Store) -> impl Fn(std::io::Error) -> CliError + '_ {
+    |cause| CliError::Store {
+        path: store.path().to_path_buf(),
+        cause,
+    }
+}
+
+fn stat(store: &Store, format: TextFormat, console: &Console) -> Result<Exit, CliError> {
+    let stat = store.stat();
+    match format {
+        TextFormat::Text => {
+            for line in told(&stat, store) {
+                console.result(&line);
+            }
+        }
+        TextFormat::Json => {
+            let mut json = serde_json::json!(stat);
+            json["path"] = store.path().display().to_string().into();
+            console.result(&format!("{json:#}"));
+        }
+    }
+    Ok(Exit::Done)
+}
+
+fn told(stat: &StoreStat, store: &Store) -> Vec<String> {
+    let now = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| since.as_secs());
+    let ago = |then: u64| sizes::span(now.saturating_sub(then));
+    let total = stat.content_bytes + stat.log_bytes;
+    let share = 100.0 * total as f64 / stat.limit.max(1) as f64;
+    let mut lines = vec![
+        format!("store     {}", store.path().display()),
+        format!(
+            "size      {} of {} ({share:.1} %): contents {}, logs {}",
+            sizes::bytes(total),
+            sizes::bytes(stat.limit),
+            sizes::bytes(stat.content_bytes),
+            sizes::bytes(stat.log_bytes)
+        ),
+        format!(
+            "holds     {} actions, {} demands, {} artefacts, {} content files",
+            stat.actions, stat.demands, stat.blobs, stat.contents
+        ),
+    ];
+    if let Some((first, last)) = stat.made {
+        lines.push(format!("age       oldest action {}, newest {}", ago(first), ago(last)));
+    }
+    if let Some(used) = stat.least_recently_used {
+        lines.push(format!(
+            "last use  of the content that rests longest: {} ago",
+            ago(used)
+        ));
+    }
+    if !stat.types.is_empty() {
+        lines.push(format!(
+            "{:<12} {:>8} {:>8} {:>11} {:>12}",
+            "type", "actions", "values", "size", "took"
+        ));
+    }
+    for (name, of_type) in &stat.types {
+        lines.push(format!(
+            "{name:<12} {:>8} {:>8} {:>11} {:>10.1} s",
+            of_type.actions,
+            of_type.values,
+            sizes::bytes(of_type.bytes),
+            of_type.seconds
+        ));
+    }
+    lines
+}
+
+fn gc(store: &Store, limit: u64, console: &Console) -> Result<Exit, CliError> {
+    let collected = store.gc(limit).map_err(failed(store))?;
+    console.result(&format!(
+        "{}: {} files removed ({}), {} left",
+        store.path().display(),
+        collected.files,
+        sizes::bytes(collected.bytes),
+        sizes::bytes(collected.left)
+    ));
+    Ok(Exit::Done)
+}
+
+fn verify(store: &Store, repair: bool, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    let types = |name: &str| registry.find_value(name);
+    let verified = store.verify(&types, repair).map_err(failed(store))?;
+    for problem in &verified.problems {
+        console.result(problem);
+    }
+    for foreign in &verified.foreign {
+        console.note(&format!("{foreign}: not put there by gear; left alone"));
+    }
+    for (name, count) in &verified.unknown_types {
+        console.note(&format!(
+            "{count} values of the type {name}, which is not known here, were not decoded"
+        ));
+    }
+    let read = format!(
+        "{} records, {} contents ({}), {} values",
+        verified.records,
+        verified.contents,
+        sizes::bytes(verified.bytes),
+        verified.values
+    );
+    let path = store.path().display();
+    console.result(&match (verified.problems.len(), repair) {
+        (0, _) => format!("{path}: all is well: {read}"),
+        (bad, true) => format!("{path}: {bad} problems, and removed; good are {read}"),
+        (bad, false) => {
+            format!("{path}: {bad} problems; good are {read}; `gear cache verify --repair` removes what is bad")
+        }
+    });
+    Ok(match (verified.problems.is_empty(), repair) {
+        (false, false) => Exit::Failed,
+        _ => Exit::Done,
+    })
+}
+
+fn clear(store: &Store, console: &Console) -> Result<Exit, CliError> {
+    let collected = store.clear().map_err(failed(store))?;
+    console.result(&format!(
+        "{}: {} files removed ({})",
+        store.path().display(),
+        collected.files,
+        sizes::bytes(collected.bytes)
+    ));
+    Ok(Exit::Done)
+}
+
+fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    let store = open(&args.store, console)?;
+    let archived = match &args.graph {
+        None => store.export(&args.file).map_err(CliError::Archive)?,
+        Some(graph) => {
+            let asked = PlanArgs {
+                graph: GraphArgs {
+                    graph: graph.clone(),
+                    set: args.set.clone(),
+                },
+                input: args.input.clone(),
+                output: args.output.clone(),
+                jobs: None,
+                store: Some(store.path().to_path_buf()),
+                fresh: Vec::new(),
+                no_cache: false,
+            };
+            let graph = plan::open(&asked, registry, console)?;
+            let (run, shared) = plan::set_up(&asked, &graph, console)?;
+            let store = shared.as_deref().unwrap_or(&store);
+            let exported = store.export_run(&args.file, &run).map_err(CliError::Run)?;
+            let (archived, missing) = exported.map_err(CliError::Archive)?;
+            if missing > 0 {
+                console.note(&format!(
+                    "{missing} nodes of this run are not in the store; `gear run` first, to export all of it"
+                ));
+            }
+            archived
+        }
+    };
+    console.result(&format!(
+        "{}: {} records, {} contents ({})",
+        args.file.display(),
+        archived.records,
+        archived.contents,
+        sizes::bytes(archived.bytes)
+    ));
+    Ok(Exit::Done)
+}
+
+fn imported(archived: &Archived) -> String {
+    format!(
+        "{} records and {} contents ({}) imported, {} of them new",
+        archived.records,
+        archived.contents,
+        sizes::bytes(archived.bytes),
+        archived.new
+    )
+}

@@ -1,0 +1,27 @@
+//! `gear why`: why a node runs, and where stored results came from.
+
+use gear_graph::Registry;
+
+use crate::args::{TextFormat, WhyArgs};
+use crate::console::Console;
+use crate::error::{CliError, Exit};
+
+use super::plan::{open, set_up};
+
+pub fn why(args: &WhyArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    let graph = open(&args.run.run, registry, console)?;
+    let (run, store) = set_up(&args.run.run, &graph, console)?;
+    let whys = run.why(&args.node).map_err(CliError::Run)?;
+    for warning in store.iter().flat_map(|store| store.warnings()) {
+        console.warning(&warning);
+    }
+    match args.format {
+        TextFormat::Json => console.result(&format!("{:#}", serde_json::json!(whys))),
+        TextFormat::Text => {
+            for why in whys {
+                console.result(&why.to_string());
+            }
+        }
+    }
+    Ok(Exit::Done)
+}

@@ -1,0 +1,183 @@
+//! `gear cache` and `gear why`, as a user types them.
+
+use gear_tests::{Desk, json};
+
+use crate::SMALL;
+
+const RUN: &[&str] = &["run", "small.yaml", "--input", "painting=sample:vessel", "--quiet"];
+
+fn small() -> Desk {
+    let desk = Desk::new();
+    desk.file("small.yaml", SMALL);
+    desk
+}
+
+/// A warm store travels to another machine: nothing runs there.
+#[test]
+fn an_exported_store_makes_another_machine_s_run_warm() {
+    let desk = small();
+    desk.gear(RUN).exits(0);
+    let first = desk.record("out");
+    for (name, what) in [
+        ("all.tar", &[][..]),
+        (
+            "run.tar",
+            &["--graph", "small.yaml", "--input", "painting=sample:vessel"],
+        ),
+    ] {
+        desk.gear(&[&["cache", "export", name], what].concat()).exits(0);
+        let other = small();
+        let archive = desk.path(name).display().to_string();
+        other.gear(&["cache", "import", &archive]).exits(0);
+        other.gear(RUN).exits(0);
+        let record = other.record("out");
+        assert_eq!(record.with_status("ran"), Vec::<&str>::new(), "{name}");
+        assert_eq!(record.outputs(), first.outputs());
+        assert_eq!(desk.listing("out"), other.listing("out"));
+        other.gear(&["cache", "verify"]).exits(0);
+    }
+}
+
+#[test]
+fn an_archive_of_one_run_holds_nothing_of_another() {
+    let desk = small();
+    desk.gear(RUN).exits(0);
+    let other = [RUN, &["--set", "ratio.radius=0.2"]].concat();
+    desk.gear(&other).exits(0);
+    desk.gear(&["cache", "export", "all.tar"]).exits(0);
+    let graph = ["--graph", "small.yaml", "--input", "painting=sample:vessel"];
+    desk.gear(&[&["cache", "export", "run.tar"], &graph[..]].concat())
+        .exits(0);
+    let size = |name: &str| std::fs::metadata(desk.path(name)).unwrap().len();
+    assert!(size("run.tar") < size("all.tar"));
+    // What is not there yet is told.
+    let missing = [
+        &["cache", "export", "run.tar"],
+        &graph[..],
+        &["--set", "ratio.radius=0.3"],
+    ]
+    .concat();
+    desk.gear(&missing).exits(0).says("are not in the store");
+}
+
+#[test]
+fn a_file_that_is_no_archive_is_refused() {
+    let desk = small();
+    desk.file("holiday.jpg", "not a picture either");
+    desk.gear(&["cache", "import", "holiday.jpg"])
+        .exits(2)
+        .says("no archive of a store");
+    desk.gear(&["cache", "import", "none.tar"]).exits(2).says("none.tar");
+    desk.gear(RUN).exits(0);
+    desk.gear(&["cache", "export", "all.tar"]).exits(0);
+    let bytes = std::fs::read(desk.path("all.tar")).unwrap();
+    desk.file("cut.tar", &bytes[..bytes.len() / 2]);
+    let other = small();
+    let cut = desk.path("cut.tar").display().to_string();
+    other
+        .gear(&["cache", "import", &cut])
+        .exits(2)
+        .says("damaged")
+        .says("nothing was imported");
+    desk.gear(&["cache", "export", "no/such/folder/all.tar"]).exits(2);
+}
+
+#[test]
+fn a_folder_that_gear_did_not_make_is_not_touched() {
+    let desk = small();
+    desk.file("mine.txt", "mine");
+    let here = desk.path("").display().to_string();
+    for command in [&["clear"][..], &["gc"], &["verify"], &["stat"], &["export", "all.tar"]] {
+        let arguments = [&["cache"], command, &["--store", &here]].concat();
+        desk.gear(&arguments).exits(2).says("is no store");
+    }
+    assert_eq!(desk.listing(""), ["mine.txt", "small.yaml"]);
+    // Nor is a store made where a folder has contents of its own.
+    std::fs::create_dir_all(desk.path("contents")).unwrap();
+    let run = [RUN, &["--store", &here]].concat();
+    desk.gear(&run).exits(0).says("no store");
+    assert_eq!(desk.listing("contents"), Vec::<String>::new());
+}
+
+#[test]
+fn stat_counts_gc_shrinks_and_clear_empties() {
+    let desk = small();
+    desk.gear(RUN).exits(0);
+    let stat = || {
+        let text = desk.gear(&["cache", "stat", "--format", "json"]).exits(0).stdout;
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()
+    };
+    let full = stat();
+    assert!(full["actions"].as_u64().unwrap() >= 5, "{full}");
+    assert!(full["types"]["Image"]["actions"].as_u64().unwrap() >= 2, "{full}");
+    assert!(full["content_bytes"].as_u64().unwrap() > 10_000, "{full}");
+    let text = desk.gear(&["cache", "stat"]).exits(0).stdout;
+    assert!(text.contains("8.0 GiB") && text.contains("Image"), "{text}");
+
+    desk.gear(&["cache", "gc", "--limit", "30KiB"]).exits(0);
+    assert!(stat()["content_bytes"].as_u64().unwrap() <= 30 * 1024);
+    desk.gear(&["cache", "gc", "--limit", "30 parsecs"])
+        .exits(2)
+        .says("500MiB");
+    // Digests stay known, and lost values come back with the same bits.
+    let outputs = desk.record("out");
+    desk.gear(&[RUN, &["--out", "again"]].concat()).exits(0);
+    assert_eq!(desk.record("again").outputs(), outputs.outputs());
+
+    desk.gear(&["cache", "clear"]).exits(0);
+    let empty = stat();
+    assert_eq!(
+        (&empty["actions"], &empty["contents"]),
+        (&0.into(), &0.into()),
+        "{empty}"
+    );
+    desk.gear(&[RUN, &["--out", "third"]].concat()).exits(0);
+    assert_eq!(desk.record("third").outputs(), outputs.outputs());
+}
+
+#[test]
+fn verify_finds_what_is_damaged_and_repairs_it() {
+    let desk = small();
+    desk.gear(RUN).exits(0);
+    desk.gear(&["cache", "verify"]).exits(0);
+    let contents = desk.listing("store/contents");
+    let victim = desk
+        .path("store/contents")
+        .join(contents.iter().find(|name| name.ends_with("exr")).unwrap());
+    let mut bytes = std::fs::read(&victim).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 4;
+    std::fs::write(&victim, bytes).unwrap();
+    let found = desk.gear(&["cache", "verify"]).exits(1);
+    assert!(found.stdout.contains("checksum"), "{found:?}");
+    desk.gear(&["cache", "verify", "--repair"]).exits(0);
+    desk.gear(&["cache", "verify"]).exits(0);
+    desk.gear(&[RUN, &["--out", "again"]].concat()).exits(0);
+    assert_eq!(desk.record("again").outputs(), desk.record("out").outputs());
+}
+
+#[test]
+fn why_tells_what_changed_and_where_a_value_came_from() {
+    let desk = small();
+    desk.gear(RUN).exits(0);
+    let why = |more: &[&str]| {
+        let run = ["why", "small.yaml", "--input", "painting=sample:vessel"];
+        desk.gear(&[&run, more].concat()).exits(0).stdout
+    };
+    let id = json(&desk.path("out/run.json"))["id"].as_str().unwrap().to_owned();
+    let stored = why(&["ratio"]);
+    assert!(stored.contains("is stored") && stored.contains(&id), "{stored}");
+    let changed = why(&["ratio", "--set", "ratio.radius=0.2"]);
+    assert!(changed.contains("parameter radius: 0.03 -> 0.2"), "{changed}");
+    let behind = why(&["pyramid.ratio", "--set", "ratio.radius=0.2"]);
+    assert!(
+        behind.contains("it begins at `ratio`: parameter radius: 0.03 -> 0.2"),
+        "{behind}"
+    );
+    let painting = desk.gear(&["why", "small.yaml", "--input", "painting=sample:court-lady", "painting"]);
+    assert!(painting.exits(0).stdout.contains("input file (sample:court-lady"));
+    let run = ["why", "small.yaml", "--input", "painting=sample:vessel", "rato"];
+    desk.gear(&run).exits(2).says("did you mean `ratio`?");
+    let read: serde_json::Value = serde_json::from_str(&why(&["ratio", "--format", "json"])).unwrap();
+    assert_eq!(read[0]["computed"]["run"], id.as_str());
+}
