@@ -3,7 +3,10 @@
 mod bounds;
 mod camera;
 pub mod cpu;
+pub mod device;
 pub mod formats;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod orbit;
 pub mod reference;
 pub mod refine;
@@ -16,6 +19,7 @@ mod views;
 
 pub use bounds::Bounds;
 pub use camera::{Camera, FRONT_DISTANCE, Projected, Projection, Ray};
+pub use device::{Device, DeviceChoice, DeviceError, Fallback};
 pub use render::{Outputs, RenderOptions, Rendering, ScreenFilter, render};
 pub use scene::{Gaussian, Scene, SceneError, logit, sigmoid};
 pub use views::{View, Views};

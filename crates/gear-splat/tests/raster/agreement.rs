@@ -18,10 +18,12 @@ pub fn assert_agrees(scene: &Scene, camera: &Camera, options: &RenderOptions) ->
     let slow = reference::render(scene, camera, options);
     compare_colors(&fast, &slow);
     compare_surfaces(&fast, &slow);
+    #[cfg(feature = "gpu")]
+    crate::gpu::assert_agrees(scene, camera, options, &slow);
     slow
 }
 
-fn compare_colors(fast: &Rendering, slow: &Reference) {
+pub fn compare_colors(fast: &Rendering, slow: &Reference) {
     let (rgb, alpha) = (fast.rgb.as_ref().unwrap(), fast.alpha.as_ref().unwrap());
     let mut decided_otherwise = 0;
     for i in 0..rgb.len() {
@@ -40,7 +42,7 @@ fn compare_colors(fast: &Rendering, slow: &Reference) {
     );
 }
 
-fn compare_surfaces(fast: &Rendering, slow: &Reference) {
+pub fn compare_surfaces(fast: &Rendering, slow: &Reference) {
     let depth = fast.depth.as_ref().unwrap().data();
     let median = fast.median_depth.as_ref().unwrap().data();
     let normal = fast.normal.as_ref().unwrap();

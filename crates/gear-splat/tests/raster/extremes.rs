@@ -6,7 +6,7 @@ use glam::{Quat, Vec3};
 use crate::agreement::assert_agrees;
 use crate::scenes::{Random, cameras, cloud};
 
-fn gaussian(center: Vec3, scales: Vec3, opacity: f32) -> Gaussian {
+pub fn gaussian(center: Vec3, scales: Vec3, opacity: f32) -> Gaussian {
     Gaussian {
         center,
         scales,
@@ -16,7 +16,7 @@ fn gaussian(center: Vec3, scales: Vec3, opacity: f32) -> Gaussian {
     }
 }
 
-fn scene(gaussians: impl IntoIterator<Item = Gaussian>) -> Scene {
+pub fn scene(gaussians: impl IntoIterator<Item = Gaussian>) -> Scene {
     let mut scene = Scene::default();
     gaussians.into_iter().for_each(|g| scene.push(g));
     scene

@@ -52,6 +52,8 @@ fn assert_gradients(scene: &Scene, camera: &Camera, options: &RenderOptions) {
     let fast = frame.backward(scene, &frame.draw(), &pixels, Wanted::All);
     let colors = frame.backward(scene, &frame.draw(), &pixels, Wanted::Color);
     assert_eq!(fast.sh_dc, colors.sh_dc, "colours alone get the same gradient");
+    #[cfg(feature = "gpu")]
+    crate::gpu::assert_gradients_agree(scene, camera, options, &pixels, &fast);
 
     let start = reference::gaussians(scene);
     let difference = |change: &dyn Fn(&mut Gaussian64, f64), i: usize| {

@@ -5,5 +5,7 @@
 mod agreement;
 mod determinism;
 mod extremes;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod gradients;
 mod scenes;
