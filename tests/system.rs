@@ -4,6 +4,10 @@
 
 #[path = "system/a_full_disk_leaves_no_half_file.rs"]
 mod a_full_disk_leaves_no_half_file;
+#[path = "system/a_node_that_fails_costs_only_what_depends_on_it.rs"]
+mod a_node_that_fails_costs_only_what_depends_on_it;
+#[path = "system/an_elision_changes_no_bit.rs"]
+mod an_elision_changes_no_bit;
 #[path = "system/an_interrupted_run_resumes.rs"]
 mod an_interrupted_run_resumes;
 #[path = "system/bad_input_is_refused_and_nothing_is_written.rs"]

@@ -33,12 +33,24 @@ pub enum Command {
     /// Tell what a run would do: what runs, what is stored, what is left out and why
     ///
     /// Takes the arguments of `gear run` and writes nothing.
-    #[command(mut_arg("out", |out| out.hide(true)), mut_arg("quiet", |quiet| quiet.hide(true)))]
+    #[command(
+        mut_arg("out", |arg| arg.hide(true)),
+        mut_arg("quiet", |arg| arg.hide(true)),
+        mut_arg("keep_going", |arg| arg.hide(true)),
+        mut_arg("fail_fast", |arg| arg.hide(true)),
+        mut_arg("memory", |arg| arg.hide(true))
+    )]
     Plan(RunArgs),
     /// Tell why a node would run, or which run its stored results came from
     ///
     /// Takes the arguments of `gear run`, and computes nothing: compares with what the store remembers.
-    #[command(mut_arg("out", |out| out.hide(true)), mut_arg("quiet", |quiet| quiet.hide(true)))]
+    #[command(
+        mut_arg("out", |arg| arg.hide(true)),
+        mut_arg("quiet", |arg| arg.hide(true)),
+        mut_arg("keep_going", |arg| arg.hide(true)),
+        mut_arg("fail_fast", |arg| arg.hide(true)),
+        mut_arg("memory", |arg| arg.hide(true))
+    )]
     Why(WhyArgs),
     /// Look after the store: how much it holds, what is damaged, what to carry to another machine
     #[command(subcommand)]
@@ -88,6 +100,12 @@ pub struct PlanArgs {
     /// Keep nothing and use nothing that was kept
     #[arg(long, conflicts_with = "store")]
     pub no_cache: bool,
+    /// Keep and use also the results of nodes that do not promise the same bits again
+    #[arg(long, conflicts_with = "no_cache")]
+    pub cache_nondeterministic: bool,
+    /// Compute also what is not needed: every input that is wired, whatever parameters and values say; to compare
+    #[arg(long)]
+    pub no_elision: bool,
 }
 
 /// `gear run`.
@@ -99,6 +117,15 @@ pub struct RunArgs {
     /// Where the files go; made if it is not there
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
+    /// Finish everything that does not depend on a node that failed; this is so unless --fail-fast is given
+    #[arg(long, conflicts_with = "fail_fast")]
+    pub keep_going: bool,
+    /// Start nothing more once a node has failed
+    #[arg(long)]
+    pub fail_fast: bool,
+    /// Hold back nodes while values and the estimates of running nodes exceed this, such as 2GiB
+    #[arg(long, value_name = "LIMIT", value_parser = crate::sizes::parse)]
+    pub memory: Option<u64>,
     /// Tell nothing but notes, warnings and errors on standard error
     #[arg(long, short)]
     pub quiet: bool,

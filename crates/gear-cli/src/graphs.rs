@@ -1,7 +1,7 @@
 //! The graphs that are embedded in the binary, and graphs from files.
 
 use gear_graph::graph::nearest;
-use gear_graph::{Graph, GraphSource, Library, Registry};
+use gear_graph::{Graph, GraphSource, Library, Registry, Store};
 
 use crate::args::GraphArgs;
 use crate::error::CliError;
@@ -68,6 +68,14 @@ pub fn library() -> Library {
 /// Reads and checks the graph that was asked for; its warnings are the caller's to show.
 pub fn open(args: &GraphArgs, registry: &Registry) -> Result<Graph, CliError> {
     source(args)?.check(registry).map_err(CliError::Graph)
+}
+
+/// The same, but a graph that checked clean before comes from the store.
+pub fn open_in(args: &GraphArgs, registry: &Registry, store: Option<&Store>) -> Result<Graph, CliError> {
+    let Some(store) = store else {
+        return open(args, registry);
+    };
+    source(args)?.check_in(registry, store).map_err(CliError::Graph)
 }
 
 /// Reads the graph that was asked for.

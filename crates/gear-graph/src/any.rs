@@ -90,7 +90,15 @@ impl fmt::Debug for ValueType {
 #[derive(Clone)]
 pub struct AnyValue {
     value: Arc<dyn Any + Send + Sync>,
-    value_type: ValueType,
+    /// Shared: a description is larger than most values.
+    value_type: &'static ValueType,
+}
+
+/// Where the description of a type stands.
+struct Described<T>(std::marker::PhantomData<T>);
+
+impl<T: Value> Described<T> {
+    const TYPE: ValueType = ValueType::of::<T>();
 }
 
 impl AnyValue {
@@ -103,13 +111,13 @@ impl AnyValue {
     pub fn shared<T: Value>(value: Arc<T>) -> Self {
         Self {
             value,
-            value_type: ValueType::of::<T>(),
+            value_type: &Described::<T>::TYPE,
         }
     }
 
     /// The type of the value.
     pub fn value_type(&self) -> ValueType {
-        self.value_type
+        *self.value_type
     }
 
     /// The value, if it is a `T`.

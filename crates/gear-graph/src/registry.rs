@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::{
-    AnyValue, Context, Demand, Fields, FileSource, Inputs, Known, Loader, Node, NodeError, Number, Numerics, Outputs,
-    ParamSpec, ParamValues, PortSpec, Report, Slot, Slots, Value, ValueType, Want,
+    AnyValue, Context, Demand, Digest, Fields, FileSource, Hasher, Inputs, Known, Loader, Node, NodeError, Number,
+    Numerics, Outputs, ParamSpec, ParamValues, PortSpec, Report, Slot, Slots, Value, ValueType, Want,
 };
 
 /// A node type as people and tools see it.
@@ -51,6 +51,7 @@ pub(crate) trait AnyNode: Send + Sync {
     fn params(&self) -> ParamValues;
     fn realm(&self) -> String;
     fn check(&self) -> Result<(), NodeError>;
+    fn memory(&self, inputs: &[u64]) -> Option<u64>;
     fn demand(&self, output: &str, known: &Known<'_>) -> Result<Demand, NodeError>;
     fn run(&self, inputs: &mut [Slot], want: &Want, ctx: &Context) -> Result<Vec<Option<AnyValue>>, NodeError>;
 }
@@ -66,6 +67,10 @@ impl<N: Node> AnyNode for N {
 
     fn check(&self) -> Result<(), NodeError> {
         Node::check(self)
+    }
+
+    fn memory(&self, inputs: &[u64]) -> Option<u64> {
+        Node::memory(self, inputs)
     }
 
     fn demand(&self, output: &str, known: &Known<'_>) -> Result<Demand, NodeError> {
@@ -209,6 +214,19 @@ impl Registry {
         let before = self.loaders.insert(value_type.name, loader);
         assert!(before.is_none(), "two loaders make a {}", value_type.name);
         self
+    }
+
+    /// Identifies everything that a graph file may name: node types, ports, parameters, loaders and their versions.
+    pub fn digest(&self) -> Digest {
+        let nodes: Vec<_> = self.nodes().map(|node| &node.spec).collect();
+        let loaders: Vec<_> = self.loaders().map(|loader| &loader.spec).collect();
+        let values: Vec<_> = self.values().map(|value| value.name).collect();
+        // Specs are plain data: they have no keys that JSON cannot write.
+        let specs = serde_json::to_vec(&(nodes, loaders, values)).unwrap_or_default();
+        Hasher::new("registry")
+            .bytes(env!("CARGO_PKG_VERSION").as_bytes())
+            .bytes(&specs)
+            .finish()
     }
 
     fn add_value(&mut self, value_type: ValueType) {

@@ -1,6 +1,7 @@
 //! `gear cache`: looks after the store.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use gear_graph::{Archived, Registry, Store, StoreStat};
@@ -193,10 +194,12 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
                 store: Some(store.path().to_path_buf()),
                 fresh: Vec::new(),
                 no_cache: false,
+                cache_nondeterministic: false,
+                no_elision: false,
             };
-            let graph = plan::open(&asked, registry, console)?;
-            let (run, shared) = plan::set_up(&asked, &graph, console)?;
-            let store = shared.as_deref().unwrap_or(&store);
+            let store = Arc::new(store);
+            let graph = plan::open(&asked, registry, Some(&store), console)?;
+            let run = plan::set_up(&asked, &graph, Some(Arc::clone(&store)))?;
             let exported = store.export_run(&args.file, &run).map_err(CliError::Run)?;
             let (archived, missing) = exported.map_err(CliError::Archive)?;
             if missing > 0 {

@@ -38,7 +38,12 @@ fn list(registry: &Registry) -> String {
     let width = registry.nodes().map(|node| node.spec.name.len()).max().unwrap_or(0);
     let mut text = String::new();
     for node in registry.nodes() {
-        let _ = writeln!(text, "{:<width$}  {}", node.spec.name, summary(node.spec.doc));
+        let remark = if node.spec.deterministic {
+            ""
+        } else {
+            "  (not deterministic)"
+        };
+        let _ = writeln!(text, "{:<width$}  {}{remark}", node.spec.name, summary(node.spec.doc));
     }
     let _ = writeln!(text, "\ninputs that can be given as files:");
     for loader in registry.loaders() {
@@ -52,10 +57,15 @@ fn list(registry: &Registry) -> String {
     text
 }
 
+const NOT_DETERMINISTIC: &str = "\n  Not deterministic: equal inputs may give other bits. Its results are kept only with --cache-nondeterministic.\n";
+
 fn describe(spec: &NodeSpec) -> String {
     let mut text = format!("{}, version {}\n\n", spec.name, spec.version);
     for line in spec.doc.trim().lines() {
         let _ = writeln!(text, "  {}", line.trim());
+    }
+    if !spec.deterministic {
+        text.push_str(NOT_DETERMINISTIC);
     }
     ports(&mut text, "inputs", &spec.inputs, true);
     ports(&mut text, "outputs", &spec.outputs, false);

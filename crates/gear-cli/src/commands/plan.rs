@@ -10,8 +10,9 @@ use crate::error::{CliError, Exit};
 use crate::{graphs, inputs};
 
 pub fn plan(args: &PlanArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
-    let graph = open(args, registry, console)?;
-    let (run, _) = set_up(args, &graph, console)?;
+    let store = open_store(args, console);
+    let graph = open(args, registry, store.as_deref(), console)?;
+    let run = set_up(args, &graph, store)?;
     let plan = run.plan().map_err(CliError::Run)?;
     let width = plan.nodes.iter().map(|node| node.id.len()).max().unwrap_or(0);
     for node in &plan.nodes {
@@ -44,20 +45,28 @@ pub fn plan(args: &PlanArgs, registry: &Registry, console: &Console) -> Result<E
 }
 
 /// Opens the graph and shows its warnings.
-pub fn open(args: &PlanArgs, registry: &Registry, console: &Console) -> Result<Graph, CliError> {
-    let graph = graphs::open(&args.graph, registry)?;
+pub fn open(args: &PlanArgs, registry: &Registry, store: Option<&Store>, console: &Console) -> Result<Graph, CliError> {
+    let graph = graphs::open_in(&args.graph, registry, store)?;
     if !graph.warnings().is_empty() {
         console.remark(graph.warnings().render(console.colour()).trim_end());
     }
     Ok(graph)
 }
 
-/// The run that the arguments ask for, and the store that it uses.
-pub fn set_up<'g>(
-    args: &PlanArgs,
-    graph: &'g Graph,
-    console: &Console,
-) -> Result<(Run<'g>, Option<Arc<Store>>), CliError> {
+/// The store that the arguments ask for.
+pub fn open_store(args: &PlanArgs, console: &Console) -> Option<Arc<Store>> {
+    if args.no_cache {
+        return None;
+    }
+    let path = args.store.clone().or_else(Store::default_path);
+    if path.is_none() {
+        console.warning("there is no cache folder here; give one with --store DIR, or nothing is kept");
+    }
+    path.map(|path| Arc::new(Store::open(path)))
+}
+
+/// The run that the arguments ask for.
+pub fn set_up<'g>(args: &PlanArgs, graph: &'g Graph, store: Option<Arc<Store>>) -> Result<Run<'g>, CliError> {
     let mut run = Run::new(graph);
     for (name, input) in inputs::parse(&args.input, graph)? {
         run = run.input(name, input);
@@ -71,13 +80,14 @@ pub fn set_up<'g>(
     for node in &args.fresh {
         run = run.fresh(node.clone());
     }
-    if args.no_cache {
-        return Ok((run, None));
+    if args.no_elision {
+        run = run.no_elision();
     }
-    let Some(path) = args.store.clone().or_else(Store::default_path) else {
-        console.warning("there is no cache folder here; give one with --store DIR, or nothing is kept");
-        return Ok((run, None));
-    };
-    let store = Arc::new(Store::open(path));
-    Ok((run.store(Arc::clone(&store)), Some(store)))
+    if args.cache_nondeterministic {
+        run = run.cache_nondeterministic();
+    }
+    Ok(match store {
+        Some(store) => run.store(store),
+        None => run,
+    })
 }

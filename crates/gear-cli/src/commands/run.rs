@@ -20,14 +20,15 @@ use crate::outputs;
 use crate::page::{Sources, page};
 use crate::progress::{Progress, Show};
 
-use super::plan::{open, set_up};
+use super::plan::{open, open_store, set_up};
 
 /// The page.
 const PAGE: &str = "report.html";
 
 pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
-    let graph = open(&args.run, registry, console)?;
-    let (run, store) = set_up(&args.run, &graph, console)?;
+    let store = open_store(&args.run, console);
+    let graph = open(&args.run, registry, store.as_deref(), console)?;
+    let mut run = set_up(&args.run, &graph, store.clone())?;
     let folder = Folder::probe(&args.out)?;
     let artefacts = Arc::new(Artefacts::new(store));
     let gallery = Arc::new(Gallery::open(Arc::clone(&artefacts)));
@@ -41,6 +42,12 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
             tell(event, &progress);
         }
     };
+    if args.fail_fast {
+        run = run.fail_fast();
+    }
+    if let Some(limit) = args.memory {
+        run = run.memory_limit(limit);
+    }
     let run = run.cancel(interruption()).observer(Arc::new(observer));
     let outcome = run.go().map_err(CliError::Run)?;
     progress.finish();

@@ -6,11 +6,12 @@ use crate::args::{TextFormat, WhyArgs};
 use crate::console::Console;
 use crate::error::{CliError, Exit};
 
-use super::plan::{open, set_up};
+use super::plan::{open, open_store, set_up};
 
 pub fn why(args: &WhyArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
-    let graph = open(&args.run.run, registry, console)?;
-    let (run, store) = set_up(&args.run.run, &graph, console)?;
+    let store = open_store(&args.run.run, console);
+    let graph = open(&args.run.run, registry, store.as_deref(), console)?;
+    let run = set_up(&args.run.run, &graph, store.clone())?;
     let whys = run.why(&args.node).map_err(CliError::Run)?;
     for warning in store.iter().flat_map(|store| store.warnings()) {
         console.warning(&warning);

@@ -17,12 +17,14 @@
 
 mod chain;
 mod check;
+mod compiled;
 mod excerpt;
 mod export;
 mod file;
 mod library;
 mod mistakes;
 mod overlay;
+mod plain;
 mod set;
 mod suggest;
 mod yaml;
@@ -34,7 +36,7 @@ pub use mistakes::{Mistakes, Source};
 pub use suggest::nearest;
 
 use crate::registry::{AnyLoader, AnyNode};
-use crate::{LoaderSpec, NodeSpec, ParamValues, Registry, ValueType};
+use crate::{LoaderSpec, NodeSpec, ParamValues, Registry, Store, ValueType};
 
 /// The version of graph files that is read.
 pub const GRAPH_VERSION: i64 = 1;
@@ -147,19 +149,39 @@ impl GraphSource {
 
     /// Reads and checks everything; all mistakes at once.
     pub fn check(&self, registry: &Registry) -> Result<Graph, Mistakes> {
+        self.check_and(registry, None)
+    }
+
+    /// The same, but what checked clean before is taken from the store.
+    pub fn check_in(&self, registry: &Registry, store: &Store) -> Result<Graph, Mistakes> {
+        match compiled::find(self, registry, store) {
+            Some(graph) => Ok(graph),
+            None => self.check_and(registry, Some(store)),
+        }
+    }
+
+    fn check_and(&self, registry: &Registry, store: Option<&Store>) -> Result<Graph, Mistakes> {
         let mut sources = Vec::new();
         let mut problems = Vec::new();
         let Some(chain) = chain::read(self, &mut sources, &mut problems) else {
             return Err(Mistakes::new(sources, problems));
         };
+        let mut compiled = None;
         let graph = overlay::lay(chain.trees, &mut problems).and_then(|(tree, removed)| {
             let tree = set::apply(tree, &self.set, &mut sources, &mut problems);
             let file = file::read(&tree, &removed, &mut problems)?;
-            check::check(&self.name, &file, registry, &mut problems)
+            let graph = check::check(&self.name, &file, registry, &mut problems)?;
+            if store.is_some() && problems.is_empty() {
+                compiled = Some(compiled::write(&file, &graph, &chain.files[1..]));
+            }
+            Some(graph)
         });
         let mistakes = Mistakes::new(sources, problems);
         match graph {
             Some(mut graph) if !mistakes.has_errors() => {
+                if let (Some(store), Some(bytes)) = (store, compiled) {
+                    compiled::keep(self, registry, store, &bytes);
+                }
                 graph.files = chain.files;
                 graph.warnings = mistakes;
                 Ok(graph)

@@ -9,6 +9,7 @@ use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
 use serde_saphyr::options::{DuplicateKeyPolicy, NonFiniteFloatPolicy};
 
+use super::plain;
 use crate::{Problem, Span, Spanned, Tree, TreeKind};
 
 /// A node of the file as serde delivers it; its place comes from the `Spanned` around it.
@@ -96,6 +97,11 @@ impl<'de> Visitor<'de> for RawVisitor {
 
 /// Reads the text of source number `source`.
 pub fn parse(text: &str, source: u32, problems: &mut Vec<Problem>) -> Option<Tree> {
+    plain::parse(text, source).or_else(|| parse_any(text, source, problems))
+}
+
+/// Reads whatever is YAML.
+pub(super) fn parse_any(text: &str, source: u32, problems: &mut Vec<Problem>) -> Option<Tree> {
     let options = serde_saphyr::options! {
         strict_booleans: true,
         leading_zero_numbers_as_strings: true,

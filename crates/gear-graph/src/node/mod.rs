@@ -45,7 +45,8 @@ pub trait Node: Params {
     /// The numerics that the node computes with, beyond those of the types at its ports (these count anyway).
     const USES: &'static [Numerics] = &[];
 
-    /// Whether equal inputs give equal bits on every run. A node that cannot promise this is not cached.
+    /// Whether equal inputs give equal bits on every run. A node that cannot promise this says `false`; it is shown as
+    /// such, and its results are not stored unless the run asks for it ([`crate::Run::cache_nondeterministic`]).
     const DETERMINISTIC: bool = true;
 
     /// The input ports.
@@ -57,6 +58,15 @@ pub trait Node: Params {
     /// Where the bits of a result are valid: `"cpu"` everywhere, or `"gpu:adapter:driver"`, `"service:model"`, ….
     fn realm(&self) -> String {
         "cpu".to_string()
+    }
+
+    /// Bytes that a run holds at most besides its inputs, outputs included, as a run with a memory limit counts them.
+    ///
+    /// `inputs` are the bytes of the values at every input port, in order of the ports; 0 where nothing is. `None`
+    /// leaves it to the framework, which takes twice what the inputs hold.
+    fn memory(&self, inputs: &[u64]) -> Option<u64> {
+        let _ = inputs;
+        None
     }
 
     /// Checks what one parameter's range cannot say, such as `low <= high`.

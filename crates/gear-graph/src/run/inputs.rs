@@ -135,6 +135,14 @@ impl Source {
         }
     }
 
+    /// Bytes of the file; 0 where it is not known before it is made.
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Self::File { stamp, .. } => stamp.0,
+            Self::Made { .. } => 0,
+        }
+    }
+
     pub fn open(&self) -> Result<FileSource, NodeError> {
         Ok(match self {
             Self::File { path, .. } => FileSource::path(path),

@@ -28,6 +28,8 @@ pub(super) enum Job {
         loader: Arc<dyn AnyLoader>,
         source: Source,
         value_type: ValueType,
+        /// A guess of its size in memory.
+        bytes: u64,
     },
     /// Asks a node what it needs, with values.
     Decide {
@@ -42,6 +44,8 @@ pub(super) enum Job {
         slot: u32,
         digest: Digest,
         value_type: ValueType,
+        /// Its size in memory.
+        bytes: u64,
     },
     /// Writes a value to the store.
     Keep { value: AnyValue, done: Box<Done> },
@@ -51,6 +55,25 @@ pub(super) enum Job {
 pub(super) enum Trouble {
     Error(NodeError),
     Panic(String),
+}
+
+/// Seconds of threads that went into the store rather than into the nodes' work.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct StoreCost {
+    /// Taking digests of values.
+    pub hash: f64,
+    /// Encoding and writing values.
+    pub write: f64,
+    /// Reading, verifying and decoding values.
+    pub read: f64,
+}
+
+impl std::ops::AddAssign for StoreCost {
+    fn add_assign(&mut self, other: Self) {
+        self.hash += other.hash;
+        self.write += other.write;
+        self.read += other.read;
+    }
 }
 
 /// A computed value.
@@ -66,6 +89,7 @@ pub(super) enum Back {
         slots: Vec<u32>,
         result: Result<Vec<Computed>, Trouble>,
         seconds: f64,
+        cost: StoreCost,
         notes: Vec<String>,
     },
     Decided {
@@ -75,13 +99,31 @@ pub(super) enum Back {
     Loaded {
         slot: u32,
         value: Option<AnyValue>,
+        cost: StoreCost,
     },
     Kept {
         done: Box<Done>,
+        cost: StoreCost,
     },
 }
 
 impl Job {
+    /// Bytes that the job is estimated to need besides the values that it reads; 0 for one that frees memory.
+    pub fn memory(&self) -> u64 {
+        match self {
+            Self::Run { node, inputs, .. } => {
+                let sizes: Vec<u64> = inputs
+                    .iter()
+                    .map(|slot| slot.iter().map(|value| value.size_bytes() as u64).sum())
+                    .collect();
+                node.memory(&sizes).unwrap_or_else(|| 2 * sizes.iter().sum::<u64>())
+            }
+            Self::Load { bytes, .. } => *bytes,
+            Self::LoadInput { bytes, .. } => *bytes,
+            Self::Decide { .. } | Self::Keep { .. } => 0,
+        }
+    }
+
     pub fn execute(self, ctx: &Context, store: Option<&Store>) -> Back {
         match self {
             Self::Run {
@@ -95,12 +137,13 @@ impl Job {
                 let outputs = caught(|| node.run(&mut inputs, &want, ctx));
                 let seconds = started.elapsed().as_secs_f64();
                 drop(inputs);
+                let mut cost = StoreCost::default();
                 let result = outputs.and_then(|mut outputs| {
                     caught(|| {
                         ports
                             .iter()
                             .map(|port| match outputs.get_mut(*port).and_then(Option::take) {
-                                Some(value) => Ok(computed(value, store)),
+                                Some(value) => Ok(computed(value, store, &mut cost)),
                                 None => Err(NodeError::new(format!(
                                     "the node did not compute its output number {port}, which was wanted"
                                 ))),
@@ -112,6 +155,7 @@ impl Job {
                     slots,
                     result,
                     seconds,
+                    cost,
                     notes: ctx.notes(),
                 }
             }
@@ -120,20 +164,23 @@ impl Job {
                 loader,
                 source,
                 value_type,
+                ..
             } => {
                 let started = Instant::now();
+                let mut cost = StoreCost::default();
                 let result = caught(|| {
                     let value = loader.load(&source.open()?, ctx)?;
                     source.still_the_same()?;
                     if value.value_type() != value_type {
                         return Err(NodeError::new(format!("the loader gave a {}", value.value_type().name)));
                     }
-                    Ok(vec![computed(value, store)])
+                    Ok(vec![computed(value, store, &mut cost)])
                 });
                 Back::Ran {
                     slots: vec![slot],
                     result,
-                    seconds: started.elapsed().as_secs_f64(),
+                    seconds: started.elapsed().as_secs_f64() - cost.hash - cost.write,
+                    cost,
                     notes: ctx.notes(),
                 }
             }
@@ -162,25 +209,47 @@ impl Job {
                 slot,
                 digest,
                 value_type,
-            } => Back::Loaded {
-                slot,
-                value: store.and_then(|store| store.load(&digest, &value_type)),
-            },
+                ..
+            } => {
+                let started = Instant::now();
+                let value = store.and_then(|store| store.load(&digest, &value_type));
+                let read = started.elapsed().as_secs_f64();
+                Back::Loaded {
+                    slot,
+                    value,
+                    cost: StoreCost {
+                        read,
+                        ..StoreCost::default()
+                    },
+                }
+            }
             Self::Keep { value, mut done } => {
                 // An encoder that panics costs the stored value, not the run.
                 let keep = |store: &Store| catch_unwind(AssertUnwindSafe(|| store.keep(&value))).ok().flatten();
+                let started = Instant::now();
                 done.content = store.and_then(keep);
-                Back::Kept { done }
+                let write = started.elapsed().as_secs_f64();
+                Back::Kept {
+                    done,
+                    cost: StoreCost {
+                        write,
+                        ..StoreCost::default()
+                    },
+                }
             }
         }
     }
 }
 
-fn computed(value: AnyValue, store: Option<&Store>) -> Computed {
+fn computed(value: AnyValue, store: Option<&Store>, cost: &mut StoreCost) -> Computed {
+    let started = Instant::now();
     let digest = value.digest();
+    let hashed = Instant::now();
     let content = store
         .filter(|_| value.size_bytes() <= SMALL)
         .and_then(|store| store.keep(&value));
+    cost.hash += (hashed - started).as_secs_f64();
+    cost.write += hashed.elapsed().as_secs_f64();
     Computed { value, digest, content }
 }
 

@@ -25,6 +25,7 @@ mod why;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
 pub use inputs::{Input, RunMistake};
 pub use memory::peak_memory;
@@ -32,8 +33,8 @@ pub use observe::{Event, Observer};
 pub use outcome::Outcome;
 pub use plan::{Plan, PlannedNode, PlannedState};
 pub use report::{
-    ElidedPort, Failure, FailureKind, InputSummary, NodeReport, NodeStatus, OutputReport, PortReport, RunReport,
-    RunStatus,
+    ElidedPort, Failure, FailureKind, InputSummary, MemoryReport, NodeReport, NodeStatus, OutputReport, PortReport,
+    RunReport, RunStatus, StoreReport,
 };
 
 pub use why::{Difference, EarlierRun, Part, Why, WhyAhead};
@@ -52,6 +53,8 @@ pub struct Run<'g> {
     pub(crate) fresh: BTreeSet<String>,
     pub(crate) elision: bool,
     pub(crate) fail_fast: bool,
+    pub(crate) memory: Option<u64>,
+    pub(crate) cache_nondeterministic: bool,
     pub(crate) cancel: Arc<AtomicBool>,
     pub(crate) observer: Option<Arc<dyn Observer>>,
 }
@@ -69,6 +72,8 @@ impl<'g> Run<'g> {
             fresh: BTreeSet::new(),
             elision: true,
             fail_fast: false,
+            memory: None,
+            cache_nondeterministic: false,
             cancel: Arc::default(),
             observer: None,
         }
@@ -128,6 +133,19 @@ impl<'g> Run<'g> {
         self
     }
 
+    /// Holds back what could start while the values in memory and what the running nodes are estimated to need
+    /// ([`crate::Node::memory`]) exceed so many bytes. When nothing runs, one node always starts, with a note.
+    pub fn memory_limit(mut self, bytes: u64) -> Self {
+        self.memory = Some(bytes);
+        self
+    }
+
+    /// Stores also what nodes gave that do not promise the same bits again, and takes it from the store.
+    pub fn cache_nondeterministic(mut self) -> Self {
+        self.cache_nondeterministic = true;
+        self
+    }
+
     /// Interrupts the run when the flag becomes true.
     pub fn cancel(mut self, flag: Arc<AtomicBool>) -> Self {
         self.cancel = flag;
@@ -155,8 +173,9 @@ impl<'g> Run<'g> {
 
     /// Runs. `Err` is a mistake of the user, found before anything ran; a node that fails is told in the report.
     pub fn go(&self) -> Result<Outcome<'g>, Vec<RunMistake>> {
+        let started = Instant::now();
         let given = inputs::resolve(self)?;
-        Ok(scheduler::run(self, given))
+        Ok(scheduler::run(self, given, started))
     }
 }
 

@@ -1,10 +1,11 @@
 //! What a run leaves: its record, and its outputs.
 
-use std::time::Duration;
-
 use super::inputs::Given;
 use super::machine::{Machine, Phase};
-use super::report::{ElidedPort, NodeReport, NodeStatus, OutputReport, PortReport, RunReport, RunStatus};
+use super::report::{
+    ElidedPort, MemoryReport, NodeReport, NodeStatus, OutputReport, PortReport, RunReport, RunStatus, StoreReport,
+};
+use super::scheduler::Spent;
 use super::{Run, memory};
 use crate::{AnyValue, Digest};
 
@@ -60,7 +61,7 @@ impl std::fmt::Debug for Outcome<'_> {
     }
 }
 
-pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, elapsed: Duration, interrupted: bool) -> Outcome<'g> {
+pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, spent: &Spent, interrupted: bool) -> Outcome<'g> {
     let targets = machine.targets();
     let complete = targets
         .iter()
@@ -101,16 +102,29 @@ pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, elapsed: Duration,
             }
         })
         .collect();
+    let seconds = spent.started.map_or(0.0, |started| started.elapsed().as_secs_f64());
     let report = RunReport {
         version: env!("CARGO_PKG_VERSION"),
         id: format!("{:016x}", machine.id),
         graph: graph.name().to_string(),
         status,
-        seconds: elapsed.as_secs_f64(),
+        seconds,
+        node_seconds: machine.sites.iter().map(|site| site.seconds).sum(),
+        framework_seconds: seconds - spent.inputs - spent.waiting,
         peak_memory: memory::peak_memory(),
+        memory: MemoryReport {
+            limit: run.memory,
+            estimated_peak: spent.estimated,
+            held_back: spent.held_back,
+        },
         jobs: run.jobs,
         elision: run.elision,
-        store: run.store.as_ref().map(|store| store.path().display().to_string()),
+        store: StoreReport {
+            folder: run.store.as_ref().map(|store| store.path().display().to_string()),
+            hash_seconds: spent.inputs + spent.store.hash,
+            write_seconds: spent.store.write,
+            read_seconds: spent.store.read,
+        },
         nodes,
         outputs: outputs
             .iter()
@@ -247,6 +261,7 @@ fn node_report(machine: &Machine<'_>, site: u32, left_out: &[Option<String>]) ->
         node_version: version,
         numerics,
         realm,
+        deterministic: node.is_none_or(|node| node.spec.deterministic),
         source: match given {
             Some(Given::Source { source, .. }) => Some(source.name()),
             _ => None,

@@ -37,6 +37,8 @@ pub struct PlannedNode {
     pub state: PlannedState,
     /// Why.
     pub reason: String,
+    /// Whether equal inputs give equal bits; what is not so is stored only when asked for.
+    pub deterministic: bool,
     /// Seconds that it took when it was computed last, if it is stored.
     pub seconds: Option<f64>,
     /// Wired ports that would not be needed.
@@ -263,6 +265,7 @@ impl Planner<'_> {
             input: graph.node_at(site).is_none(),
             state,
             reason,
+            deterministic: graph.node_at(site).is_none_or(|node| node.spec.deterministic),
             seconds: (saved > 0.0).then_some(saved),
             elided,
         }
@@ -276,8 +279,8 @@ impl Planner<'_> {
         if machine.run.fresh.contains(graph.site_name(site)) {
             return "it was asked to run afresh".to_string();
         }
-        if graph.node_at(site).is_some_and(|node| !node.spec.deterministic) {
-            return "it is not deterministic, so it is never stored".to_string();
+        if !machine.cacheable(slot) {
+            return "it is not deterministic, so it is not stored".to_string();
         }
         if state.again {
             return "its value is needed, and is not in the store any more".to_string();

@@ -29,14 +29,20 @@ pub struct RunReport {
     pub status: RunStatus,
     /// Seconds on the clock.
     pub seconds: f64,
+    /// Seconds of the nodes' and loaders' own calls, added up over threads.
+    pub node_seconds: f64,
+    /// Seconds in which the framework itself was at work: planning, keys, looking up, appending records.
+    pub framework_seconds: f64,
     /// Peak memory of the process so far, in bytes.
     pub peak_memory: Option<u64>,
+    /// What was planned with.
+    pub memory: MemoryReport,
     /// Threads.
     pub jobs: usize,
     /// Whether elisions were allowed.
     pub elision: bool,
-    /// The store's folder.
-    pub store: Option<String>,
+    /// The store, and what it cost.
+    pub store: StoreReport,
     /// The inputs and nodes, producers first.
     pub nodes: Vec<NodeReport>,
     /// The outputs that were asked for.
@@ -45,6 +51,31 @@ pub struct RunReport {
     pub failures: Vec<Failure>,
     /// What was odd.
     pub warnings: Vec<String>,
+}
+
+/// Memory as the scheduler estimates it: values that are held, and what nodes that run need beside them.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct MemoryReport {
+    /// Bytes that the run was to stay under.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit: Option<u64>,
+    /// Highest estimate, in bytes.
+    pub estimated_peak: u64,
+    /// How many times a start was held back.
+    pub held_back: usize,
+}
+
+/// What the store cost, in seconds added up over threads; most of it overlaps the nodes' work.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct StoreReport {
+    /// Its folder; none if there was no store.
+    pub folder: Option<String>,
+    /// Taking digests of the inputs' files and of values; also without a store.
+    pub hash_seconds: f64,
+    /// Encoding and writing values.
+    pub write_seconds: f64,
+    /// Reading, verifying and decoding values.
+    pub read_seconds: f64,
 }
 
 /// What became of a node or input.
@@ -90,6 +121,8 @@ pub struct NodeReport {
     pub numerics: Vec<Numerics>,
     /// Where its bits are valid.
     pub realm: String,
+    /// Whether equal inputs give equal bits; what is not so is stored only when asked for.
+    pub deterministic: bool,
     /// The file or sample that an input was read from.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,

@@ -18,6 +18,10 @@
 //! jobs are out at a time; a thread that waits within a node may take up another job meanwhile, so at most N jobs
 //! are ever on one stack.
 //!
+//! With a memory limit, a node or a value from the store is held back (`parked`) while the values in memory, those
+//! that wait to be written and the estimates of the jobs that are out would exceed it. Only the most urgent of each
+//! kind is looked at: what is large must not be overtaken for ever by what is small.
+//!
 //! # What must stay true
 //!
 //! * The coordinator never blocks but on the channel, and never for longer than a tick: it then looks at the
@@ -25,6 +29,8 @@
 //! * Every job sends exactly one answer, also when it panics (`jobs` catches panics of nodes, loaders, encoders).
 //! * When no job is out and the machine has none to give, everything is settled: each requested slot is done, failed,
 //!   or waits for one that failed.
+//! * When no job is out, one is started whatever the limit says: a run with a limit ends whenever it would end
+//!   without one.
 //! * An interruption starts nothing new but writing what is computed already, and gives up waiting after a grace.
 
 use std::sync::Arc;
@@ -33,7 +39,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use super::inputs::Given;
-use super::jobs::{Back, Job};
+use super::jobs::{Back, Job, StoreCost};
 use super::machine::{Happened, Machine};
 use super::observe::Event;
 use super::outcome::{self, Outcome};
@@ -54,7 +60,10 @@ struct Out {
     number: u64,
     /// Highest memory of the process since it started.
     peak: u64,
+    /// Bytes that wait to be written and no longer do once it is back.
     bytes: usize,
+    /// Bytes that it is estimated to need.
+    memory: u64,
 }
 
 struct Scheduler<'r> {
@@ -66,10 +75,31 @@ struct Scheduler<'r> {
     number: u64,
     flushed: Instant,
     memory: memory::Sampler,
+    /// Jobs that are held back by the memory limit: a node, a value from the store.
+    parked: [Option<Job>; 2],
+    spent: Spent,
 }
 
-pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>) -> Outcome<'g> {
-    let started = Instant::now();
+/// Where the time went, and what memory was planned with.
+#[derive(Default)]
+pub(super) struct Spent {
+    /// When the run was asked for.
+    pub started: Option<Instant>,
+    /// Seconds that taking the digests of the inputs' files took.
+    pub inputs: f64,
+    /// Seconds that the coordinator waited for jobs.
+    pub waiting: f64,
+    pub store: StoreCost,
+    /// Highest estimate of the memory in use.
+    pub estimated: u64,
+    /// How many starts were held back.
+    pub held_back: usize,
+}
+
+const NODE: usize = 0;
+const LOAD: usize = 1;
+
+pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>, started: Instant) -> Outcome<'g> {
     let span = tracing::info_span!("run", graph = run.graph.name());
     let _entered = span.enter();
     let (sender, receiver) = channel();
@@ -82,6 +112,12 @@ pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>) -> Outcome<'g> {
         number: 0,
         flushed: Instant::now(),
         memory: memory::Sampler::new(),
+        parked: [None, None],
+        spent: Spent {
+            started: Some(started),
+            inputs: started.elapsed().as_secs_f64(),
+            ..Spent::default()
+        },
     };
     scheduler.tell(&Event::Started {
         sites: run.graph.sites(),
@@ -101,7 +137,7 @@ pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>) -> Outcome<'g> {
         scheduler.tell(&Event::Warning { message: warning });
         tracing::warn!("{warning}");
     }
-    outcome::finish(run, scheduler.machine, started.elapsed(), interrupted)
+    outcome::finish(run, scheduler.machine, &scheduler.spent, interrupted)
 }
 
 fn pool(jobs: usize) -> rayon::ThreadPool {
@@ -135,7 +171,10 @@ impl Scheduler<'_> {
             if self.out.is_empty() {
                 return deadline.is_some();
             }
-            match receiver.recv_timeout(TICK) {
+            let waits = Instant::now();
+            let answer = receiver.recv_timeout(TICK);
+            self.spent.waiting += waits.elapsed().as_secs_f64();
+            match answer {
                 Ok((number, back)) => {
                     self.sample();
                     self.back(number, back);
@@ -162,20 +201,71 @@ impl Scheduler<'_> {
     fn next(&mut self, interrupted: bool) -> Option<Job> {
         let stopped = interrupted || (self.run.fail_fast && !self.machine.failures.is_empty());
         let keep_first = self.machine.keep_bytes > KEEP_FIRST;
-        if !stopped && !keep_first {
-            if let Some(job) = self.machine.urgent.pop() {
-                return Some(job);
-            }
-            if let Some(job) = self.machine.next_run() {
-                return Some(job);
-            }
+        if !stopped
+            && !keep_first
+            && let Some(job) = self.next_work()
+        {
+            return Some(job);
         }
         let job = self.machine.keep.pop_front();
-        // More than that waits, but it is all being written: then others may go on.
-        if job.is_none() && keep_first && !stopped {
-            return self.machine.urgent.pop().or_else(|| self.machine.next_run());
+        if job.is_some() || stopped {
+            return job;
         }
-        job
+        // More than that waits, but it is all being written: then others may go on.
+        if keep_first && let Some(job) = self.next_work() {
+            return Some(job);
+        }
+        if self.out.is_empty() {
+            return self.next_whatever_the_limit();
+        }
+        None
+    }
+
+    /// The most urgent decision, value or node that fits into the memory.
+    fn next_work(&mut self) -> Option<Job> {
+        let urgent = self.parked[LOAD].take().or_else(|| self.machine.urgent.pop());
+        if let Some(job) = self.fitting(urgent, LOAD) {
+            return Some(job);
+        }
+        let node = self.parked[NODE].take().or_else(|| self.machine.next_run());
+        self.fitting(node, NODE)
+    }
+
+    /// The job if it fits; else it is parked.
+    fn fitting(&mut self, job: Option<Job>, kind: usize) -> Option<Job> {
+        let (job, limit) = (job?, self.run.memory.unwrap_or(u64::MAX));
+        if self.in_use().saturating_add(job.memory()) <= limit || job.memory() == 0 {
+            return Some(job);
+        }
+        self.spent.held_back += 1;
+        self.parked[kind] = Some(job);
+        None
+    }
+
+    /// Nothing is out, so nothing will be freed by waiting: a node, which may free its inputs, or a value.
+    fn next_whatever_the_limit(&mut self) -> Option<Job> {
+        let job = self.parked[NODE].take().or_else(|| self.parked[LOAD].take())?;
+        self.spent.held_back = self.spent.held_back.saturating_sub(1);
+        if let (Job::Run { slots, .. }, Some(limit)) = (&job, self.run.memory)
+            && let Some(slot) = slots.first()
+        {
+            let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+            let note = format!(
+                "is estimated to need {} MiB beside {} MiB that are held, which is above the limit of {} MiB; it ran \
+                 because nothing else did",
+                mib(job.memory()),
+                mib(self.in_use()),
+                mib(limit)
+            );
+            self.machine.note(self.run.graph.site_of[*slot as usize], &[note]);
+        }
+        Some(job)
+    }
+
+    /// Bytes that are in use by estimate. A value that is held and waits to be written counts twice.
+    fn in_use(&self) -> u64 {
+        let out = self.out.iter().map(|out| out.memory).fold(0, u64::saturating_add);
+        (self.machine.held_bytes + self.machine.keep_bytes as u64).saturating_add(out)
     }
 
     fn start(&mut self, job: Job) {
@@ -213,7 +303,9 @@ impl Scheduler<'_> {
             number,
             peak: self.memory.resident(),
             bytes,
+            memory: job.memory(),
         });
+        self.spent.estimated = self.spent.estimated.max(self.in_use());
         let (store, sender) = (self.run.store.clone(), self.sender.clone());
         self.pool.spawn_fifo(move || {
             let back = span.in_scope(|| job.execute(&ctx, store.as_deref()));
@@ -251,8 +343,10 @@ impl Scheduler<'_> {
                 slots,
                 result,
                 seconds,
+                cost,
                 notes,
             } => {
+                self.spent.store += cost;
                 if result.is_ok()
                     && let Some(slot) = slots.first()
                 {
@@ -270,8 +364,12 @@ impl Scheduler<'_> {
                 self.machine.ran(&slots, result, seconds, out.peak, notes);
             }
             Back::Decided { slot, result } => self.machine.decided(slot, result),
-            Back::Loaded { slot, value } => self.machine.loaded(slot, value),
-            Back::Kept { done } => {
+            Back::Loaded { slot, value, cost } => {
+                self.spent.store += cost;
+                self.machine.loaded(slot, value);
+            }
+            Back::Kept { done, cost } => {
+                self.spent.store += cost;
                 self.machine.keep_bytes = self.machine.keep_bytes.saturating_sub(out.bytes);
                 self.machine.kept(*done);
             }

@@ -8,7 +8,8 @@ mod wires;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use self::order::{order, readers};
+use self::order::order;
+pub(super) use self::order::readers;
 use self::wires::Checker;
 use super::file::{File, FileInput, FileNode};
 use super::{Graph, GraphInput, GraphNode, GraphOutput, Wire, nearest};

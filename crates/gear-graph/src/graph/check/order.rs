@@ -106,7 +106,7 @@ fn cycle(file: &File<'_>, dag: &DiGraph<(), ()>, component: &[NodeIndex]) -> Pro
 }
 
 /// The wires out of every slot, in the order of the sites that read it.
-pub(super) fn readers(slots: usize, wires: &[Wire], first_wire: &[u32]) -> (Vec<Reading>, Vec<u32>) {
+pub fn readers(slots: usize, wires: &[Wire], first_wire: &[u32]) -> (Vec<Reading>, Vec<u32>) {
     let mut first = vec![0u32; slots + 1];
     for wire in wires {
         first[wire.from as usize + 1] += 1;

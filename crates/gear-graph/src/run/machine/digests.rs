@@ -41,9 +41,8 @@ impl Machine<'_> {
                 let value = value.clone();
                 let digest = value.digest();
                 // The value first: `done` may ask for it.
-                let state = self.slot(slot);
-                (state.pinned, state.bytes) = (true, value.size_bytes() as u64);
-                state.value = Some(value);
+                self.slot(slot).pinned = true;
+                self.hold(slot, value);
                 self.done(slot, digest);
             }
             Given::Source { digest, .. } => {
@@ -151,10 +150,12 @@ impl Machine<'_> {
         self.store.as_ref().is_some_and(|store| store.has_value(value))
     }
 
-    pub(super) fn cacheable(&self, slot: u32) -> bool {
-        self.graph
-            .node_at(self.site_of(slot))
-            .is_none_or(|node| node.spec.deterministic)
+    pub fn cacheable(&self, slot: u32) -> bool {
+        self.run.cache_nondeterministic
+            || self
+                .graph
+                .node_at(self.site_of(slot))
+                .is_none_or(|node| node.spec.deterministic)
     }
 
     /// The bits of ports that may be asked for by these names; `None` if one may not.

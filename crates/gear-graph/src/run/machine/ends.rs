@@ -24,7 +24,7 @@ impl Machine<'_> {
         self.done(slot, done.value);
     }
 
-    pub(super) fn note(&mut self, site: u32, notes: &[String]) {
+    pub fn note(&mut self, site: u32, notes: &[String]) {
         for note in notes {
             if !self.sites[site as usize].notes.contains(note) {
                 self.sites[site as usize].notes.push(note.clone());

@@ -158,6 +158,8 @@ pub(super) struct Machine<'r> {
     /// Values to write to the store, oldest first, and their bytes.
     pub keep: std::collections::VecDeque<Job>,
     pub keep_bytes: usize,
+    /// Bytes of the values in `slots`.
+    pub held_bytes: u64,
     pub failures: Vec<Failure>,
     pub warnings: Vec<String>,
     pub happened: Vec<Happened>,
@@ -202,6 +204,7 @@ impl<'r> Machine<'r> {
             urgent: Vec::new(),
             keep: Default::default(),
             keep_bytes: 0,
+            held_bytes: 0,
             failures: Vec::new(),
             warnings: Vec::new(),
             happened: Vec::new(),

@@ -8,6 +8,9 @@ use crate::run::jobs::{Computed, Job, Trouble};
 use crate::store::{Done, Record};
 use crate::{AnyValue, Digest, NodeError, Slot, Want};
 
+/// How many times larger than its file a value may be: a photograph of 8 bits as floats, compressed tenfold.
+const DECODED: u64 = 40;
+
 impl Machine<'_> {
     /// The next job that computes something, most urgent first.
     pub fn next_run(&mut self) -> Option<Job> {
@@ -20,11 +23,13 @@ impl Machine<'_> {
                 self.slot(slot).phase = Phase::Running;
                 let input = &self.graph.inputs()[slot as usize];
                 if let (Given::Source { source, .. }, Some(loader)) = (&self.given[slot as usize], &input.load) {
+                    let bytes = source.bytes() * DECODED;
                     return Some(Job::LoadInput {
                         slot,
                         loader: Arc::clone(loader),
                         source: Source::clone(source),
                         value_type: input.value_type,
+                        bytes,
                     });
                 }
                 continue;
@@ -127,9 +132,7 @@ impl Machine<'_> {
             self.release(slot);
         } else {
             // The value first: who is waiting for the digest may want it at once.
-            let state = self.slot(slot);
-            state.bytes = value.size_bytes() as u64;
-            state.value = Some(value);
+            self.hold(slot, value);
             self.done(slot, digest);
             self.drop_if_unread(slot);
         }

@@ -67,13 +67,14 @@ impl Machine<'_> {
         if state.value.is_some() || state.loading || state.phase != Phase::Done {
             return; // there, or on its way
         }
-        let digest = state.digest;
+        let (digest, bytes) = (state.digest, state.bytes);
         if self.store.is_some() && self.cacheable(slot) {
             self.slot(slot).loading = true;
             self.urgent.push(Job::Load {
                 slot,
                 digest,
                 value_type: self.graph.slot_type(slot),
+                bytes,
             });
         } else {
             self.run_again(slot);
@@ -126,9 +127,7 @@ impl Machine<'_> {
     }
 
     pub(super) fn set_value(&mut self, slot: u32, value: AnyValue) {
-        let state = self.slot(slot);
-        state.bytes = value.size_bytes() as u64;
-        state.value = Some(value);
+        self.hold(slot, value);
         for reading in self.graph.readers_of(slot) {
             for reader in self.graph.slots_of(reading.site) {
                 let state = self.slot(reader);
@@ -148,8 +147,17 @@ impl Machine<'_> {
         let cacheable = self.cacheable(slot);
         let state = self.slot(slot);
         // What is not cached cannot be had again with the same bits: it stays until the end.
-        if state.readers == 0 && !state.pinned && cacheable {
-            state.value = None;
+        if state.readers == 0 && !state.pinned && cacheable && state.value.take().is_some() {
+            self.held_bytes -= self.slots[slot as usize].bytes;
         }
+    }
+
+    /// Keeps a value as long as somebody may read it.
+    pub(super) fn hold(&mut self, slot: u32, value: AnyValue) {
+        let state = self.slot(slot);
+        let before = state.value.as_ref().map_or(0, |_| state.bytes);
+        state.bytes = value.size_bytes() as u64;
+        state.value = Some(value);
+        self.held_bytes = self.held_bytes - before + self.slots[slot as usize].bytes;
     }
 }

@@ -5,6 +5,7 @@ mod durability;
 mod failure;
 mod invariants;
 pub(crate) mod kit;
+mod memory;
 mod oracle;
 mod scale;
 mod why;
