@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use crate::{
     AnyValue, Context, Demand, Digest, Fields, FileSource, Hasher, Inputs, Known, Loader, Node, NodeError, Number,
-    Numerics, Outputs, ParamSpec, ParamValues, PortSpec, Report, Slot, Slots, Value, ValueType, Want,
+    Numerics, Outputs, ParamSpec, ParamValues, PortSpec, Report, Resources, Slot, Slots, Value, ValueType, Want,
 };
 
 /// A node type as people and tools see it.
@@ -49,7 +49,7 @@ pub struct LoaderSpec {
 /// A node with its parameters, of whatever type.
 pub(crate) trait AnyNode: Send + Sync {
     fn params(&self) -> ParamValues;
-    fn realm(&self) -> String;
+    fn realm(&self, resources: &Resources) -> String;
     fn check(&self) -> Result<(), NodeError>;
     fn memory(&self, inputs: &[u64]) -> Option<u64>;
     fn demand(&self, output: &str, known: &Known<'_>) -> Result<Demand, NodeError>;
@@ -61,8 +61,8 @@ impl<N: Node> AnyNode for N {
         self.write()
     }
 
-    fn realm(&self) -> String {
-        Node::realm(self)
+    fn realm(&self, resources: &Resources) -> String {
+        Node::realm(self, resources)
     }
 
     fn check(&self) -> Result<(), NodeError> {

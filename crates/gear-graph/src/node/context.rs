@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-use crate::NodeError;
+use crate::{NodeError, Resources};
 
 /// How far a node has come.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +24,7 @@ pub struct Context {
     listener: Option<Arc<Listener>>,
     notes: Arc<Mutex<Vec<String>>>,
     seed: u64,
+    resources: Resources,
 }
 
 impl Context {
@@ -39,7 +40,18 @@ impl Context {
             listener,
             notes: Arc::default(),
             seed,
+            resources: Resources::default(),
         }
+    }
+
+    /// The same context with what a run lends.
+    pub fn with_resources(self, resources: Resources) -> Self {
+        Self { resources, ..self }
+    }
+
+    /// What the run lends.
+    pub fn resources(&self) -> &Resources {
+        &self.resources
     }
 
     /// Reports progress: the share done (0 to 1).

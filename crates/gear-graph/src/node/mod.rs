@@ -4,12 +4,14 @@ mod context;
 mod demand;
 mod error;
 mod ports;
+mod resources;
 
 pub use context::{Context, Progress};
 pub(crate) use demand::KnownPort;
 pub use demand::{Demand, Known};
 pub use error::NodeError;
 pub use ports::{InputField, Inputs, Lazy, OutputField, Outputs, PortSpec, Slot, Slots, Want, Wanted};
+pub use resources::Resources;
 
 use std::path::{Path, PathBuf};
 
@@ -56,7 +58,9 @@ pub trait Node: Params {
     type Outputs: Outputs;
 
     /// Where the bits of a result are valid: `"cpu"` everywhere, or `"gpu:adapter:driver"`, `"service:model"`, ….
-    fn realm(&self) -> String {
+    /// It may depend on what the run lends.
+    fn realm(&self, resources: &Resources) -> String {
+        let _ = resources;
         "cpu".to_string()
     }
 

@@ -22,6 +22,7 @@ mod report;
 mod scheduler;
 mod why;
 
+use std::any::Any;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -39,7 +40,7 @@ pub use report::{
 
 pub use why::{Difference, EarlierRun, Part, Why, WhyAhead};
 
-use crate::{AnyValue, Graph, Store, Value};
+use crate::{AnyValue, Graph, Resources, Store, Value};
 
 /// A run that is being set up. Nothing happens before [`Run::go`] or [`Run::plan`].
 #[derive(Clone)]
@@ -57,6 +58,7 @@ pub struct Run<'g> {
     pub(crate) cache_nondeterministic: bool,
     pub(crate) cancel: Arc<AtomicBool>,
     pub(crate) observer: Option<Arc<dyn Observer>>,
+    pub(crate) resources: Resources,
 }
 
 impl<'g> Run<'g> {
@@ -76,6 +78,7 @@ impl<'g> Run<'g> {
             cache_nondeterministic: false,
             cancel: Arc::default(),
             observer: None,
+            resources: Resources::default(),
         }
     }
 
@@ -155,6 +158,12 @@ impl<'g> Run<'g> {
     /// Tells somebody what happens while it happens.
     pub fn observer(mut self, observer: Arc<dyn Observer>) -> Self {
         self.observer = Some(observer);
+        self
+    }
+
+    /// Lends something to the nodes, such as a device: one value of each type.
+    pub fn resource<T: Any + Send + Sync>(mut self, resource: T) -> Self {
+        self.resources = self.resources.with(resource);
         self
     }
 

@@ -238,7 +238,7 @@ fn node_report(machine: &Machine<'_>, site: u32, left_out: &[Option<String>]) ->
             node.spec.name,
             node.spec.version,
             node.spec.numerics.clone(),
-            node.node.realm(),
+            node.node.realm(&machine.run.resources),
         ),
         None => {
             let input = &graph.inputs()[site as usize];

@@ -330,7 +330,7 @@ impl Scheduler<'_> {
                 });
             }) as Arc<dyn Fn(Progress) + Send + Sync>
         });
-        Context::new(Arc::clone(&self.run.cancel), listener, seed)
+        Context::new(Arc::clone(&self.run.cancel), listener, seed).with_resources(self.run.resources.clone())
     }
 
     fn back(&mut self, number: u64, back: Back) {

@@ -127,7 +127,7 @@ impl Machine<'_> {
             return Default::default();
         };
         let of = |realm: &str| keys::of_node(node, realm, self.run.elision);
-        let realm = node.node.realm();
+        let realm = node.node.realm(&self.run.resources);
         let base = (of(&realm), (realm != "cpu").then(|| of("cpu")));
         self.sites[site as usize].base = Some(base);
         base

@@ -33,7 +33,7 @@ impl Machine<'_> {
             type_name: node.spec.name.to_string(),
             version: node.spec.version,
             numerics: numerics(&node.spec.numerics),
-            realm: node.node.realm(),
+            realm: node.node.realm(&self.run.resources),
             no_elision: !self.run.elision && specs.iter().any(|port| port.lazy),
             params: params(node.params()),
             ports: ports

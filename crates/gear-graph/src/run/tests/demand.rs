@@ -137,7 +137,7 @@ fn a_cpu_result_serves_another_realm_and_never_the_reverse() {
                 type Inputs = FloorIn;
                 type Outputs = AddOut;
 
-                fn realm(&self) -> String {
+                fn realm(&self, _: &Resources) -> String {
                     $realm.into()
                 }
 
