@@ -18,8 +18,17 @@ run sample="court-lady":
 bench:
     cargo bench --workspace
 
+# What `gear new-node` writes compiles, passes its tests and is known. Builds the workspace once more.
+new-node:
+    cargo test --package gear-tests --test system -- --ignored a_new_node
+
+# The reference of nodes and values in the guide, from their definitions.
+reference:
+    cargo build --bin gear
+    cargo run --bin gear -- nodes --markdown > docs/src/reference.md
+
 # The guide, with mdBook.
-book:
+book: reference
     mdbook build docs
 
 # Look at changed snapshots and accept them.

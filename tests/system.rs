@@ -4,6 +4,8 @@
 
 #[path = "system/a_full_disk_leaves_no_half_file.rs"]
 mod a_full_disk_leaves_no_half_file;
+#[path = "system/a_new_node_compiles_and_is_known.rs"]
+mod a_new_node_compiles_and_is_known;
 #[path = "system/a_node_that_fails_costs_only_what_depends_on_it.rs"]
 mod a_node_that_fails_costs_only_what_depends_on_it;
 #[path = "system/an_elision_changes_no_bit.rs"]
@@ -12,6 +14,8 @@ mod an_elision_changes_no_bit;
 mod an_interrupted_run_resumes;
 #[path = "system/bad_input_is_refused_and_nothing_is_written.rs"]
 mod bad_input_is_refused_and_nothing_is_written;
+#[path = "system/every_node_bears_extreme_input.rs"]
+mod every_node_bears_extreme_input;
 #[path = "system/every_shipped_graph_runs.rs"]
 mod every_shipped_graph_runs;
 #[path = "system/odd_input_runs_with_a_note.rs"]

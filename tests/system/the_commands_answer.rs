@@ -55,6 +55,41 @@ fn nodes_lists_them_and_shows_one() {
 }
 
 #[test]
+fn the_reference_is_written_of_all_nodes_or_one() {
+    let desk = Desk::new();
+    let all = desk.gear(&["nodes", "--markdown"]).exits(0).stdout;
+    for heading in ["# Reference", "### LogRatio", "## Values", "### Mask, as a file"] {
+        assert!(all.lines().any(|line| line == heading), "{heading} in {all}");
+    }
+    let one = desk.gear(&["nodes", "LogRatio", "--markdown"]).exits(0).stdout;
+    assert!(
+        one.starts_with("# LogRatio\n") && one.contains("- `radius` (a number; 0 to 50"),
+        "{one}"
+    );
+}
+
+#[test]
+fn a_new_node_with_a_bad_name_or_port_is_refused_in_one_sentence() {
+    let desk = Desk::new();
+    for (arguments, says) in [
+        (&["oil-glaze"][..], "did you mean `OilGlaze`?"),
+        (&["LogRatio"], "already"),
+        (&["OilGlaze", "--input", "image:Imag"], "did you mean `Image`?"),
+        (&["OilGlaze", "--output", "fn:Image"], "word of the Rust language"),
+        (&["OilGlaze", "--gear", "nowhere"], "not gear's repository"),
+    ] {
+        let refused = desk.gear(&[&["new-node"], arguments].concat()).exits(2).says(says);
+        assert_eq!(refused.stderr.lines().count(), 1, "{}", refused.stderr);
+        assert!(
+            refused.stderr.trim_end().ends_with("nothing was written"),
+            "{}",
+            refused.stderr
+        );
+    }
+    assert_eq!(desk.listing("."), Vec::<String>::new());
+}
+
+#[test]
 fn a_graph_is_drawn() {
     let desk = Desk::new();
     let mermaid = desk.gear(&["graph", "@gear", "--format", "mermaid"]).exits(0).stdout;

@@ -57,6 +57,11 @@ pub enum Command {
     Cache(CacheCommand),
     /// List the nodes, or show a node or a kind of input: ports, parameters, ranges, units
     Nodes(NodesArgs),
+    /// Write the crate of a new node, registered, documented and tested
+    ///
+    /// In gear's repository it goes to nodes/. Elsewhere it goes to the current folder, with a binary that is gear plus
+    /// the node.
+    NewNode(NewNodeArgs),
     /// Draw a graph
     Graph(DrawArgs),
     /// The graphs that come with gear
@@ -239,6 +244,25 @@ pub enum TextFormat {
 pub struct NodesArgs {
     /// A node type, or the type of an input that can be given as a file
     pub name: Option<String>,
+    /// Write the reference in Markdown: of all nodes and values, or of one
+    #[arg(long)]
+    pub markdown: bool,
+}
+
+/// `gear new-node`.
+#[derive(Debug, Args)]
+pub struct NewNodeArgs {
+    /// Its name in graphs, such as OilCrackle
+    pub name: String,
+    /// An input port; without any port the node takes and gives an Image
+    #[arg(long, value_name = "NAME:TYPE")]
+    pub input: Vec<String>,
+    /// An output port
+    #[arg(long, value_name = "NAME:TYPE")]
+    pub output: Vec<String>,
+    /// Write a crate of its own that builds upon gear's repository in this folder
+    #[arg(long, value_name = "DIR")]
+    pub gear: Option<PathBuf>,
 }
 
 /// `gear graph`.

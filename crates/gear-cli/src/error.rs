@@ -100,6 +100,9 @@ pub enum CliError {
         /// Why.
         cause: String,
     },
+    /// A new node cannot be written.
+    #[error(transparent)]
+    NewNode(#[from] crate::commands::new_node::Refusal),
     /// A file is in the way.
     #[error("{}: exists already; remove it, or copy elsewhere with --to DIR", file.display())]
     InTheWay {

@@ -4,7 +4,7 @@ use std::process::Command;
 
 #[test]
 fn every_command_explains_itself() {
-    for command in ["run", "check", "plan", "nodes", "graph", "graphs", "sample"] {
+    for command in ["run", "check", "plan", "nodes", "new-node", "graph", "graphs", "sample"] {
         let output = Command::new(env!("CARGO_BIN_EXE_gear"))
             .args([command, "--help"])
             .output()

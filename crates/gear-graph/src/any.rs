@@ -11,6 +11,8 @@ use crate::{Digest, Numerics, Summary, Value, ValueError};
 pub struct ValueType {
     /// [`Value::TYPE`].
     pub name: &'static str,
+    /// [`Value::DOC`].
+    pub doc: &'static str,
     /// [`Value::EXTENSION`].
     pub extension: &'static str,
     /// [`Value::NUMERICS`].
@@ -21,7 +23,9 @@ pub struct ValueType {
     encode: fn(&dyn Any) -> Result<Vec<u8>, ValueError>,
     decode: fn(&[u8]) -> Result<AnyValue, ValueError>,
     summary: fn(&dyn Any) -> Summary,
+    flaw: fn(&dyn Any) -> Option<String>,
     extremes: fn() -> Vec<(&'static str, AnyValue)>,
+    matched: fn(&dyn Any, &AnyValue) -> Option<AnyValue>,
 }
 
 impl ValueType {
@@ -29,6 +33,7 @@ impl ValueType {
     pub const fn of<T: Value>() -> Self {
         Self {
             name: T::TYPE,
+            doc: T::DOC,
             extension: T::EXTENSION,
             numerics: T::NUMERICS,
             type_id: TypeId::of::<T>,
@@ -40,12 +45,14 @@ impl ValueType {
             },
             decode: |bytes| T::decode(bytes).map(AnyValue::new),
             summary: |any| any.downcast_ref::<T>().map(Value::summary).unwrap_or_default(),
+            flaw: |any| any.downcast_ref::<T>().and_then(Value::flaw),
             extremes: || {
                 T::extremes()
                     .into_iter()
                     .map(|(name, value)| (name, AnyValue::new(value)))
                     .collect()
             },
+            matched: |any, other| any.downcast_ref::<T>()?.matched(other).map(AnyValue::new),
         }
     }
 
@@ -150,6 +157,16 @@ impl AnyValue {
     /// [`Value::summary`].
     pub fn summary(&self) -> Summary {
         (self.value_type.summary)(&*self.value)
+    }
+
+    /// [`Value::flaw`].
+    pub fn flaw(&self) -> Option<String> {
+        (self.value_type.flaw)(&*self.value)
+    }
+
+    /// [`Value::matched`].
+    pub fn matched(&self, other: &Self) -> Option<Self> {
+        (self.value_type.matched)(&*self.value, other)
     }
 }
 

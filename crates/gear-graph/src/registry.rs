@@ -30,6 +30,23 @@ pub struct NodeSpec {
     pub params: Vec<ParamSpec>,
 }
 
+impl NodeSpec {
+    /// The description of `N`.
+    pub fn of<N: Node>() -> Self {
+        let (inputs, outputs) = (N::Inputs::specs(), N::Outputs::specs());
+        Self {
+            name: N::NAME,
+            version: N::VERSION,
+            doc: N::DOC,
+            deterministic: N::DETERMINISTIC,
+            numerics: numerics(N::USES, inputs.iter().chain(&outputs).map(|port| port.value_type)),
+            inputs,
+            outputs,
+            params: N::specs(),
+        }
+    }
+}
+
 /// A loader as people and tools see it.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct LoaderSpec {
@@ -155,26 +172,16 @@ impl Registry {
     /// If another node type or value type has the same name, or the node has more than 64 ports on one side: mistakes
     /// in the list of registrations.
     pub fn node<N: Node>(&mut self) -> &mut Self {
-        let (inputs, outputs) = (N::Inputs::specs(), N::Outputs::specs());
-        for port in inputs.iter().chain(&outputs) {
+        let spec = NodeSpec::of::<N>();
+        for port in spec.inputs.iter().chain(&spec.outputs) {
             self.add_value(port.value_type);
         }
         // Sets of ports are kept as bits of one word.
         assert!(
-            inputs.len() <= 64 && outputs.len() <= 64,
+            spec.inputs.len() <= 64 && spec.outputs.len() <= 64,
             "`{}` has more than 64 ports",
             N::NAME
         );
-        let spec = NodeSpec {
-            name: N::NAME,
-            version: N::VERSION,
-            doc: N::DOC,
-            deterministic: N::DETERMINISTIC,
-            numerics: numerics(N::USES, inputs.iter().chain(&outputs).map(|port| port.value_type)),
-            inputs,
-            outputs,
-            params: N::specs(),
-        };
         let node_type = NodeType {
             spec: Arc::new(spec),
             read: |fields| N::read(fields).map(|node| Arc::new(node) as Arc<dyn AnyNode>),

@@ -2,7 +2,7 @@
 
 use std::any::Any;
 
-use crate::{Digest, Numerics};
+use crate::{AnyValue, Digest, Numerics};
 
 /// Why a stored value could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +32,9 @@ pub trait Value: Any + Send + Sync + Sized + 'static {
     /// The type's name in graphs and messages, such as `"Image"`.
     const TYPE: &'static str;
 
+    /// What it holds, with units and ranges: its entry in the reference.
+    const DOC: &'static str = "";
+
     /// The file extension of [`Value::encode`]'s format, such as `"exr"`.
     const EXTENSION: &'static str;
 
@@ -54,8 +57,23 @@ pub trait Value: Any + Send + Sync + Sized + 'static {
     /// Shape, range, means: what a person wants to see in a diff.
     fn summary(&self) -> Summary;
 
-    /// Named extreme cases of this type, for testing nodes.
+    /// What no node may put out, though a file may bring it: a sample that is not finite, a probability of 2. `None` if
+    /// the value is sound. The test kit holds every result of a node against it.
+    fn flaw(&self) -> Option<String> {
+        None
+    }
+
+    /// Named extreme cases of this type, for testing nodes: the smallest, the constant, the empty, the huge, and what
+    /// is flawed but may come from a file.
     fn extremes() -> Vec<(&'static str, Self)> {
         Vec::new()
+    }
+
+    /// This extreme case made to go with another input of the same node, such as a mask resized to a picture's size;
+    /// `None` if the two types have nothing to agree on. Without it a node with two rasters would see its extremes
+    /// only as sizes that differ.
+    fn matched(&self, other: &AnyValue) -> Option<Self> {
+        let _ = other;
+        None
     }
 }

@@ -5,7 +5,7 @@
 
 use std::io::Cursor;
 
-use gear_graph::{Digest, Hasher, Numerics, Summary, Value, ValueError};
+use gear_graph::{AnyValue, Digest, Hasher, Numerics, Summary, Value, ValueError};
 use image::{ExtendedColorType, ImageDecoder, ImageEncoder};
 use serde_json::json;
 
@@ -47,12 +47,26 @@ fn describe(samples: &[f32]) -> serde_json::Value {
     out
 }
 
+/// The size of a raster of any of the three types.
+fn size_of(value: &AnyValue) -> Option<(usize, usize)> {
+    let image = value.get::<Image>().map(|image| image.size());
+    let field = || value.get::<Field>().map(|field| field.size());
+    let mask = || value.get::<Mask>().map(|mask| mask.size());
+    image.or_else(field).or_else(mask)
+}
+
+/// Where the pixel `x` of a side of `to` pixels lies on a side of `from` pixels.
+fn nearest(x: usize, to: usize, from: usize) -> usize {
+    (x * from / to).min(from - 1)
+}
+
 fn channel<const C: usize>(pixels: &[[f32; 3]]) -> Vec<f32> {
     pixels.iter().map(|p| p[C]).collect()
 }
 
 impl Value for Field {
     const TYPE: &'static str = "Field";
+    const DOC: &'static str = "One f32 a pixel. NaN is allowed, and means that there is nothing to say at the pixel (depth outside the figure).";
     const NUMERICS: Numerics = NUMERICS;
     const EXTENSION: &'static str = "exr";
 
@@ -90,6 +104,11 @@ impl Value for Field {
         out
     }
 
+    fn flaw(&self) -> Option<String> {
+        let infinite = self.data().iter().filter(|x| x.is_infinite()).count();
+        (infinite > 0).then(|| format!("has {infinite} infinite samples of {}", self.len()))
+    }
+
     fn extremes() -> Vec<(&'static str, Self)> {
         vec![
             ("one pixel", Self::filled(1, 1, 0.5)),
@@ -112,10 +131,19 @@ impl Value for Field {
             ),
         ]
     }
+
+    fn matched(&self, other: &AnyValue) -> Option<Self> {
+        let (width, height) = size_of(other)?;
+        let from = self.size();
+        Some(Self::from_fn(width, height, |x, y| {
+            self.at(nearest(x, width, from.0), nearest(y, height, from.1))
+        }))
+    }
 }
 
 impl Value for Image {
     const TYPE: &'static str = "Image";
+    const DOC: &'static str = "A colour picture: sRGB-encoded f32 red, green and blue, nominally 0 to 1, and alpha if it had one. Every sample is finite.";
     const NUMERICS: Numerics = NUMERICS;
     const EXTENSION: &'static str = "exr";
 
@@ -176,6 +204,12 @@ impl Value for Image {
         out
     }
 
+    fn flaw(&self) -> Option<String> {
+        let finite = |samples: &[f32]| samples.iter().filter(|x| !x.is_finite()).count();
+        let bad = finite(self.rgb.data().as_flattened()) + self.alpha.as_ref().map_or(0, |a| finite(a.data()));
+        (bad > 0).then(|| format!("has {bad} samples that are not finite"))
+    }
+
     fn extremes() -> Vec<(&'static str, Self)> {
         let grey = |v: f32| Self::opaque(Rgb::filled(40, 60, [v; 3]));
         let picture = |x: usize, y: usize| {
@@ -200,6 +234,7 @@ impl Value for Image {
             ("one pixel", of(1, 1)),
             ("two by two", of(2, 2)),
             ("three by five", of(5, 3)),
+            ("noise", of(48, 36)),
             ("one row", of(400, 1)),
             ("one column", of(1, 400)),
             ("black", grey(0.0)),
@@ -220,10 +255,22 @@ impl Value for Image {
             ),
         ]
     }
+
+    fn matched(&self, other: &AnyValue) -> Option<Self> {
+        let (width, height) = size_of(other)?;
+        let from = self.size();
+        Some(Self {
+            rgb: Rgb::from_fn(width, height, |x, y| {
+                self.rgb.at(nearest(x, width, from.0), nearest(y, height, from.1))
+            }),
+            alpha: self.alpha.as_ref().and_then(|alpha| alpha.matched(other)),
+        })
+    }
 }
 
 impl Value for Mask {
     const TYPE: &'static str = "Mask";
+    const DOC: &'static str = "Inside or outside, a bit a pixel.";
     const NUMERICS: Numerics = NUMERICS;
     const EXTENSION: &'static str = "png";
 
@@ -293,6 +340,14 @@ impl Value for Mask {
             ),
         ]
     }
+
+    fn matched(&self, other: &AnyValue) -> Option<Self> {
+        let (width, height) = size_of(other)?;
+        let from = self.size();
+        Some(Self::from_fn(width, height, |x, y| {
+            self.at(nearest(x, width, from.0), nearest(y, height, from.1))
+        }))
+    }
 }
 
 #[cfg(test)]
@@ -314,6 +369,30 @@ mod tests {
         survives::<Field>();
         survives::<Image>();
         survives::<Mask>();
+    }
+
+    #[test]
+    fn an_extreme_is_matched_to_another_raster_by_its_size() {
+        let image = AnyValue::new(Image::opaque(Rgb::filled(5, 7, [0.0; 3])));
+        for (name, mask) in Mask::extremes() {
+            let matched = mask.matched(&image).unwrap();
+            assert_eq!(matched.size(), (5, 7), "{name}");
+            assert_eq!(
+                matched.matched(&AnyValue::new(mask.clone())).unwrap().size(),
+                mask.size()
+            );
+        }
+        let ramp = Field::from_fn(10, 1, |x, _| x as f32);
+        assert_eq!(ramp.matched(&image).unwrap().row(3), [0.0, 2.0, 4.0, 6.0, 8.0]);
+        assert!(ramp.matched(&AnyValue::new(gear_graph::Number(1.0))).is_none());
+    }
+
+    #[test]
+    fn what_is_not_finite_is_a_flaw_except_nothing_in_a_field() {
+        assert!(Field::filled(2, 2, f32::NAN).flaw().is_none());
+        assert!(Field::filled(2, 2, f32::INFINITY).flaw().is_some());
+        assert!(Image::opaque(Rgb::filled(2, 2, [1e30; 3])).flaw().is_none());
+        assert!(Image::opaque(Rgb::filled(2, 2, [f32::NAN; 3])).flaw().is_some());
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //!
 //! A [`Scene`] is stored as 3DGS PLY, [`Views`] as an OpenEXR file with one layer a view.
 
-use gear_graph::{Digest, Hasher, Numerics, Summary, Value, ValueError};
-use gear_image::{Field, Rgb};
+use gear_graph::{AnyValue, Digest, Hasher, Numerics, Summary, Value, ValueError};
+use gear_image::{Field, Image, Mask, Rgb};
 use glam::{Quat, Vec3};
 use serde_json::json;
 
@@ -48,6 +48,7 @@ fn hash_camera(hasher: &mut Hasher, camera: &Camera) {
 
 impl Value for Scene {
     const TYPE: &'static str = "Scene";
+    const DOC: &'static str = "3D Gaussians in the parametrisation of 3DGS (x right, y up, z towards the viewer), and the camera under which they show the painting. Every number is finite and every rotation has a direction.";
     const EXTENSION: &'static str = "ply";
     const NUMERICS: Numerics = NUMERICS;
 
@@ -107,6 +108,11 @@ impl Value for Scene {
         out
     }
 
+    fn flaw(&self) -> Option<String> {
+        let invalid = self.count_invalid();
+        (invalid > 0).then(|| format!("has {invalid} invalid Gaussians of {}", self.len()))
+    }
+
     fn extremes() -> Vec<(&'static str, Self)> {
         let base = Gaussian {
             center: Vec3::ZERO,
@@ -158,6 +164,17 @@ impl Value for Scene {
             ("infinite scale", with(|g| g.scales.x = f32::INFINITY)),
         ]
     }
+
+    /// The canonical camera gets the size of the picture or mask.
+    fn matched(&self, other: &AnyValue) -> Option<Self> {
+        let image = other.get::<Image>().map(|image| image.size());
+        let (width, height) = image.or_else(|| other.get::<Mask>().map(|mask| mask.size()))?;
+        self.canonical_camera.as_ref()?;
+        Some(Self {
+            canonical_camera: Some(Camera::front(width as u32, height as u32)),
+            ..self.clone()
+        })
+    }
 }
 
 fn plane_summary(samples: &[f32]) -> serde_json::Value {
@@ -176,6 +193,7 @@ fn plane_summary(samples: &[f32]) -> serde_json::Value {
 
 impl Value for Views {
     const TYPE: &'static str = "Views";
+    const DOC: &'static str = "A list of named renderings, each with its camera, colour, and as far as known alpha, depth (NaN where nothing is), normals and weight. Colour, alpha, normals and weight are finite.";
     const EXTENSION: &'static str = "exr";
     const NUMERICS: Numerics = NUMERICS;
 
@@ -233,6 +251,22 @@ impl Value for Views {
             out.insert(view.name.clone(), about.into());
         }
         out
+    }
+
+    fn flaw(&self) -> Option<String> {
+        self.views.iter().find_map(|view| {
+            let finite = |samples: &[f32]| samples.iter().all(|x| x.is_finite());
+            let plane = |plane: &Option<Field>| plane.as_ref().is_none_or(|plane| finite(plane.data()));
+            let sound = finite(view.rgb.data().as_flattened())
+                && plane(&view.alpha)
+                && plane(&view.weight)
+                && view.normal.as_ref().is_none_or(|normal| finite(normal.as_flattened()))
+                && view
+                    .depth
+                    .as_ref()
+                    .is_none_or(|depth| !depth.data().iter().any(|x| x.is_infinite()));
+            (!sound).then(|| format!("has samples that are not finite in the view `{}`", view.name))
+        })
     }
 
     fn extremes() -> Vec<(&'static str, Self)> {

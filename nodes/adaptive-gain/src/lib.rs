@@ -76,7 +76,7 @@ const EPSILON: f64 = 1e-6;
 
 impl Node for AdaptiveGain {
     const NAME: &str = "AdaptiveGain";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Inputs = In;
     type Outputs = Out;
 
@@ -102,7 +102,7 @@ impl Node for AdaptiveGain {
         let alpha = self.mode.alpha(&inputs.multiscale);
         let ratio = want.try_compute("ratio", || {
             if self.mode.constant() == Some(1.0) {
-                return Ok(owned(inputs.multiscale));
+                return Ok(all_finite(owned(inputs.multiscale)));
             }
             let smooth = inputs.smooth.demanded()?;
             if smooth.size() != inputs.multiscale.size() {
@@ -150,6 +150,24 @@ impl Mode {
     }
 }
 
+/// No light is 10³⁰ times another; a ratio that is beyond comes from a damaged file.
+const LARGEST: f32 = 1e30;
+
+/// NaN as 0, which says nothing of the light, and the rest within ±[`LARGEST`]: as the pyramid takes its ratios.
+#[inline(always)]
+fn finite(ratio: f32) -> f32 {
+    if ratio.is_nan() {
+        0.0
+    } else {
+        ratio.clamp(-LARGEST, LARGEST)
+    }
+}
+
+fn all_finite(mut ratio: Field) -> Field {
+    ratio.data_mut().iter_mut().for_each(|x| *x = finite(*x));
+    ratio
+}
+
 /// αR_ms + (1 − α)R_smooth, in the memory of R_ms.
 pub fn blend(mut multiscale: Field, smooth: &Field, alpha: f32) -> Field {
     multiscale
@@ -163,7 +181,7 @@ pub fn blend(mut multiscale: Field, smooth: &Field, alpha: f32) -> Field {
 #[multiversion(targets = "simd")]
 fn blend_chunk(multiscale: &mut [f32], smooth: &[f32], alpha: f32) {
     for (m, &s) in multiscale.iter_mut().zip(smooth) {
-        *m = alpha * *m + (1.0 - alpha) * s;
+        *m = alpha * finite(*m) + (1.0 - alpha) * finite(s);
     }
 }
 

@@ -112,6 +112,14 @@ fn contradictory_limits_and_sizes_are_refused_by_name() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    testing::assert_extremes(&AdaptiveGain::default());
+    testing::assert_extremes(&AdaptiveGain {
+        mode: Mode::Fixed { alpha: 1.0 },
+    });
+}
+
+#[test]
 fn outputs_are_pure() {
     testing::assert_pure(&AdaptiveGain::default(), || In {
         multiscale: Arc::new(sample_field()),

@@ -122,6 +122,11 @@ fn thresholds_that_contradict_are_refused() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    testing::assert_extremes(&EdgeDetect::default());
+}
+
+#[test]
 fn outputs_are_pure() {
     for node in [EdgeDetect::default(), canny_node()] {
         testing::assert_pure(&node, || In {

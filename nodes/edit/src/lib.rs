@@ -16,10 +16,11 @@ mod reproject;
 mod sliced_ot;
 mod target;
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use gear_graph::{Context, Inputs, Node, NodeError, Outputs, Params, Registry, Want};
-use gear_image::{Image, Mask};
+use gear_image::{Image, Mask, SrgbImage, colour};
 use gear_splat::{Camera, RenderOptions, Scene, View, Views};
 use rayon::prelude::*;
 
@@ -80,12 +81,12 @@ pub struct Out {
 
 impl Node for Edit {
     const NAME: &str = "Edit";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type Inputs = In;
     type Outputs = Out;
 
     fn run(&self, inputs: In, _want: &Want, ctx: &Context) -> Result<Out, NodeError> {
-        let painting = &inputs.painting.rgb;
+        let painting = &*finite(&inputs.painting.rgb);
         if inputs.mask.size() != painting.size() {
             return Err(sizes("mask", inputs.mask.size(), painting.size()));
         }
@@ -146,6 +147,20 @@ impl Node for Edit {
             targets: Arc::new(Views { views: targets? }),
         })
     }
+}
+
+/// The painting, with samples that are no numbers made black and infinite ones bright: a target has neither.
+fn finite(painting: &SrgbImage) -> Cow<'_, SrgbImage> {
+    if painting.data().as_flattened().iter().all(|x| x.is_finite()) {
+        return Cow::Borrowed(painting);
+    }
+    let mut painting = painting.clone();
+    for sample in painting.data_mut().as_flattened_mut() {
+        if !sample.is_finite() {
+            *sample = colour::sanitise_sample(*sample);
+        }
+    }
+    Cow::Owned(painting)
 }
 
 /// The buffers that a view must come with, of its colour's size.

@@ -219,6 +219,11 @@ fn empty_scenes_and_masks_do_no_harm() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    testing::assert_extremes(&Edit::default());
+}
+
+#[test]
 fn same_bits_on_any_thread_count() {
     let sample = sample(64);
     let scene = grounded(&sample);

@@ -65,6 +65,11 @@ fn retinex_needs_a_scale() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    testing::assert_extremes(&Enhance::default());
+}
+
+#[test]
 fn outputs_are_pure() {
     for node in [Enhance::default(), retinex_node()] {
         testing::assert_pure(&node, || In {

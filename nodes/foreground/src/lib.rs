@@ -212,6 +212,11 @@ mod tests {
     }
 
     #[test]
+    fn an_answer_or_an_error_on_every_extreme_input() {
+        testing::assert_extremes(&Foreground::default());
+    }
+
+    #[test]
     fn the_same_bits_on_any_number_of_threads() {
         let painting = vessel().painting;
         testing::assert_pure(&Foreground::default(), || inputs(painting.clone(), None));

@@ -78,6 +78,15 @@ fn impossible_parameters_are_refused_by_name() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    testing::assert_extremes(&LogRatio::default());
+    testing::assert_extremes(&LogRatio {
+        scale: Scale::Relative,
+        ..LogRatio::default()
+    });
+}
+
+#[test]
 fn outputs_are_pure() {
     testing::assert_pure(&LogRatio::default(), || In {
         image: Arc::new(sample_translation()),

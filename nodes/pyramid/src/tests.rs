@@ -180,6 +180,11 @@ fn impossible_parameters_are_refused_by_name() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    testing::assert_extremes(&Pyramid::default());
+}
+
+#[test]
 fn outputs_are_pure() {
     testing::assert_pure(&Pyramid::default(), || In {
         ratio: Arc::new(sample_field()),

@@ -388,6 +388,11 @@ fn alpha_passes_through_and_another_size_of_ratio_is_fitted() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    testing::assert_extremes(&Recompose::default());
+}
+
+#[test]
 fn outputs_are_pure() {
     for node in [node(0.5), node(0.0), Recompose::default()] {
         testing::assert_pure(&node, || {

@@ -175,6 +175,11 @@ fn a_picture_without_shading_gets_no_detail_solve() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    testing::assert_extremes(&Reconstruct::default());
+}
+
+#[test]
 fn results_do_not_depend_on_threads_or_on_what_is_wanted() {
     let (image, mask) = ball();
     testing::assert_pure(&Reconstruct::default(), || inputs(&image, &mask));

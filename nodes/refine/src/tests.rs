@@ -152,6 +152,15 @@ fn every_extreme_scene_and_target_gives_a_finite_scene_or_a_clear_error() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    testing::assert_extremes(&Refine {
+        color_iterations: 4,
+        iterations: 8,
+        ..Refine::default()
+    });
+}
+
+#[test]
 fn the_same_bits_on_any_number_of_threads() {
     let (scene, targets) = board();
     let node = Refine {

@@ -219,6 +219,15 @@ mod tests {
     }
 
     #[test]
+    fn an_answer_or_an_error_on_every_extreme_input() {
+        testing::assert_extremes(&RenderViews {
+            size: 32,
+            yaws: vec![0.0, 50.0],
+            ..RenderViews::default()
+        });
+    }
+
+    #[test]
     fn the_same_bits_on_any_number_of_threads() {
         let scene = dome();
         testing::assert_pure(&RenderViews::default(), || In {

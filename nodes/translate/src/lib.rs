@@ -15,7 +15,7 @@ use std::sync::Arc;
 use gear_graph::{
     Choice, Context, Demand, Inputs, Known, Lazy, Node, NodeError, Numerics, Outputs, Params, Registry, Want,
 };
-use gear_image::{Field, Image, Mask, SrgbImage, filter};
+use gear_image::{Field, Image, Mask, SrgbImage, colour, filter};
 
 /// A geometry-friendly picture of the painting.
 #[derive(Clone, Debug, Params)]
@@ -64,7 +64,7 @@ pub struct Out {
 
 impl Node for Translate {
     const NAME: &str = "Translate";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const USES: &'static [Numerics] = &[Numerics::new("gear-relief", gear_relief::NUMERICS)];
     type Inputs = In;
     type Outputs = Out;
@@ -93,7 +93,9 @@ impl Node for Translate {
         let painting = inputs.image;
         let (width, height) = painting.size();
         if self.style == Style::None || width == 0 || height == 0 {
-            return Ok(Out { image: painting });
+            return Ok(Out {
+                image: all_finite(painting),
+            });
         }
         let edges = match inputs.edges.get() {
             Some(edges) if edges.is_empty() => None,
@@ -128,11 +130,27 @@ impl Translate {
         let strength = self.contours as f32;
         if let Some(edges) = edges {
             for (tone, edge) in drawing.data_mut().iter_mut().zip(edges.data()) {
-                *tone *= 1.0 - strength * edge.clamp(0.0, 1.0);
+                // An edge that is no number is none.
+                let edge = if *edge > 0.0 { edge.min(1.0) } else { 0.0 };
+                *tone *= 1.0 - strength * edge;
             }
         }
         drawing
     }
+}
+
+/// The painting itself, unless samples of it are not finite: these are made so.
+fn all_finite(painting: Arc<Image>) -> Arc<Image> {
+    if painting.rgb.data().as_flattened().iter().all(|x| x.is_finite()) {
+        return painting;
+    }
+    let mut painted = (*painting).clone();
+    for sample in painted.rgb.data_mut().as_flattened_mut() {
+        if !sample.is_finite() {
+            *sample = colour::sanitise_sample(*sample);
+        }
+    }
+    Arc::new(painted)
 }
 
 fn grey(tones: &Field) -> SrgbImage {

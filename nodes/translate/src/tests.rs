@@ -55,6 +55,13 @@ fn none_passes_the_painting_bit_by_bit() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    for style in [Style::None, Style::Sculpture, Style::PencilSketch, Style::Woodcut] {
+        testing::assert_extremes(&node(style));
+    }
+}
+
+#[test]
 fn results_do_not_depend_on_threads() {
     let (image, mask) = painting(48);
     for style in DRAWN {

@@ -4,6 +4,7 @@ pub mod cache;
 pub mod check;
 pub mod graph;
 pub mod graphs;
+pub mod new_node;
 pub mod nodes;
 pub mod plan;
 pub mod run;

@@ -10,6 +10,7 @@ pub use context::{Context, Progress};
 pub(crate) use demand::KnownPort;
 pub use demand::{Demand, Known};
 pub use error::NodeError;
+pub(crate) use ports::NOT_DEMANDED;
 pub use ports::{InputField, Inputs, Lazy, OutputField, Outputs, PortSpec, Slot, Slots, Want, Wanted};
 pub use resources::Resources;
 

@@ -154,6 +154,9 @@ impl<T: Value> InputField for Option<Arc<T>> {
     }
 }
 
+/// How the message of [`Lazy::demanded`] ends.
+pub(crate) const NOT_DEMANDED: &str = "that its `demand` did not ask for";
+
 /// An input that is there only when [`crate::Node::demand`] asked for it.
 #[derive(Clone, Debug)]
 pub struct Lazy<T>(Option<Arc<T>>);
@@ -176,12 +179,9 @@ impl<T: Value> Lazy<T> {
 
     /// The value; an error if it was not demanded (then `demand` and `run` disagree: a mistake in the node).
     pub fn demanded(&self) -> Result<&Arc<T>, NodeError> {
-        self.0.as_ref().ok_or_else(|| {
-            NodeError::new(format!(
-                "the node reads a {} that its `demand` did not ask for",
-                T::TYPE
-            ))
-        })
+        self.0
+            .as_ref()
+            .ok_or_else(|| NodeError::new(format!("the node reads a {} {NOT_DEMANDED}", T::TYPE)))
     }
 }
 

@@ -8,6 +8,7 @@ pub struct Number(pub f64);
 
 impl Value for Number {
     const TYPE: &'static str = "Number";
+    const DOC: &'static str = "One f64. A result may be infinite, never NaN: what is undefined is an error.";
     const EXTENSION: &'static str = "json";
 
     fn digest(&self) -> Digest {
@@ -54,6 +55,10 @@ impl Value for Number {
         summary
     }
 
+    fn flaw(&self) -> Option<String> {
+        self.0.is_nan().then(|| "is not a number".to_owned())
+    }
+
     fn extremes() -> Vec<(&'static str, Self)> {
         vec![
             ("zero", Self(0.0)),
@@ -61,6 +66,7 @@ impl Value for Number {
             ("huge", Self(1e300)),
             ("tiny", Self(1e-300)),
             ("infinite", Self(f64::INFINITY)),
+            ("minus infinite", Self(f64::NEG_INFINITY)),
             ("nan", Self(f64::NAN)),
         ]
     }

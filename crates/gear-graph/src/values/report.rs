@@ -28,6 +28,7 @@ impl Report {
 
 impl Value for Report {
     const TYPE: &'static str = "Report";
+    const DOC: &'static str = "What a node says about its result: any JSON, by habit an object of named figures. What is undefined is `null`.";
     const EXTENSION: &'static str = "json";
 
     fn digest(&self) -> Digest {
@@ -59,6 +60,8 @@ impl Value for Report {
         vec![
             ("null", Self(serde_json::Value::Null)),
             ("empty", Self(serde_json::json!({}))),
+            ("a bare number", Self(serde_json::json!(-1e300))),
+            ("nested", Self(serde_json::json!({"a": [{"b": null}, [], "\u{3b1}"]}))),
         ]
     }
 }

@@ -186,6 +186,14 @@ fn a_mask_of_another_size_is_refused() {
 }
 
 #[test]
+fn an_answer_or_an_error_on_every_extreme_input() {
+    testing::assert_extremes(&Metrics {
+        ddi_size: 32,
+        ..quick()
+    });
+}
+
+#[test]
 fn same_bits_on_any_thread_count() {
     testing::assert_pure(&quick(), || inputs(scene("flat bust")));
 }

@@ -1,5 +1,7 @@
 //! `gear nodes`: what nodes there are, and everything about one, from its definition.
 
+pub mod markdown;
+
 use std::fmt::Write;
 
 use gear_graph::graph::nearest;
@@ -11,11 +13,21 @@ use crate::error::{CliError, Exit};
 
 pub fn nodes(args: &NodesArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
     let Some(name) = &args.name else {
-        console.result(list(registry).trim_end());
+        let text = if args.markdown {
+            markdown::reference(registry)
+        } else {
+            list(registry)
+        };
+        console.result(text.trim_end());
         return Ok(Exit::Done);
     };
     if let Some(loader) = registry.find_loader(name) {
-        console.result(describe_loader(&loader.spec).trim_end());
+        let text = if args.markdown {
+            markdown::loader(&loader.spec, 1)
+        } else {
+            describe_loader(&loader.spec)
+        };
+        console.result(text.trim_end());
         return Ok(Exit::Done);
     }
     let Some(node) = registry.find_node(name) else {
@@ -30,7 +42,12 @@ pub fn nodes(args: &NodesArgs, registry: &Registry, console: &Console) -> Result
             help,
         });
     };
-    console.result(describe(&node.spec).trim_end());
+    let text = if args.markdown {
+        markdown::node(&node.spec, 1)
+    } else {
+        describe(&node.spec)
+    };
+    console.result(text.trim_end());
     Ok(Exit::Done)
 }
 
