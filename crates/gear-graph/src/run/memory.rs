@@ -1,4 +1,4 @@
-//! Memory of the process, as the operating system counts it.
+//! Memory of the process and time of a thread, as the operating system counts them.
 
 use std::time::{Duration, Instant};
 
@@ -34,6 +34,13 @@ fn resident() -> Option<u64> {
     let statm = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: u64 = statm.split_whitespace().nth(1)?.parse().ok()?;
     Some(pages * 4096)
+}
+
+/// Seconds that the calling thread was at work; `None` where the platform does not say.
+pub(super) fn thread_seconds() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    let nanoseconds: f64 = stat.split_whitespace().next()?.parse().ok()?;
+    Some(nanoseconds * 1e-9)
 }
 
 /// The most that the process ever held, in bytes; `None` where the platform does not say.

@@ -103,6 +103,11 @@ pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, spent: &Spent, int
         })
         .collect();
     let seconds = spent.started.map_or(0.0, |started| started.elapsed().as_secs_f64());
+    // Not the clock's time where it can be helped: a busy machine would be taken for work.
+    let framework_seconds = match (spent.worked, memory::thread_seconds()) {
+        (Some(before), Some(now)) => now - before,
+        _ => seconds - spent.inputs - spent.waiting,
+    };
     let report = RunReport {
         version: env!("CARGO_PKG_VERSION"),
         id: format!("{:016x}", machine.id),
@@ -110,7 +115,7 @@ pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, spent: &Spent, int
         status,
         seconds,
         node_seconds: machine.sites.iter().map(|site| site.seconds).sum(),
-        framework_seconds: seconds - spent.inputs - spent.waiting,
+        framework_seconds,
         peak_memory: memory::peak_memory(),
         memory: MemoryReport {
             limit: run.memory,

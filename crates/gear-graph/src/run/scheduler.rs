@@ -89,6 +89,8 @@ pub(super) struct Spent {
     pub inputs: f64,
     /// Seconds that the coordinator waited for jobs.
     pub waiting: f64,
+    /// What its thread had worked before, where the platform counts that.
+    pub worked: Option<f64>,
     pub store: StoreCost,
     /// Highest estimate of the memory in use.
     pub estimated: u64,
@@ -116,6 +118,7 @@ pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>, started: Instant) -> Out
         spent: Spent {
             started: Some(started),
             inputs: started.elapsed().as_secs_f64(),
+            worked: memory::thread_seconds(),
             ..Spent::default()
         },
     };
