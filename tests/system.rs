@@ -8,6 +8,8 @@ mod a_full_disk_leaves_no_half_file;
 mod a_new_node_compiles_and_is_known;
 #[path = "system/a_node_that_fails_costs_only_what_depends_on_it.rs"]
 mod a_node_that_fails_costs_only_what_depends_on_it;
+#[path = "system/a_pinned_output_changes_only_with_a_version.rs"]
+mod a_pinned_output_changes_only_with_a_version;
 #[path = "system/an_elision_changes_no_bit.rs"]
 mod an_elision_changes_no_bit;
 #[path = "system/an_interrupted_run_resumes.rs"]
@@ -24,6 +26,10 @@ mod odd_input_runs_with_a_note;
 mod only_what_changed_runs;
 #[path = "system/same_bits_on_any_thread_count.rs"]
 mod same_bits_on_any_thread_count;
+#[path = "system/same_bits_without_cpu_features.rs"]
+mod same_bits_without_cpu_features;
+#[path = "system/several_processes_share_a_store.rs"]
+mod several_processes_share_a_store;
 #[path = "system/the_commands_answer.rs"]
 mod the_commands_answer;
 #[path = "system/the_samples_pass_the_gates.rs"]
@@ -46,6 +52,24 @@ outputs:
   ratio: pyramid.ratio
   enhanced: enhance.image
 ";
+
+/// What a run put into its folder, by name: everything but the record and the page, which hold times.
+fn outputs_in(out: &std::path::Path) -> std::collections::BTreeMap<std::path::PathBuf, Vec<u8>> {
+    let mut found = std::collections::BTreeMap::new();
+    let mut folders = vec![out.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if !path.ends_with("run.json") && !path.ends_with("report.html") {
+                let bytes = std::fs::read(&path).unwrap();
+                found.insert(path.strip_prefix(out).unwrap().to_path_buf(), bytes);
+            }
+        }
+    }
+    found
+}
 
 /// The main job at a size at which it takes seconds.
 const MAIN: &[&str] = &[

@@ -130,7 +130,7 @@ pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>, started: Instant) -> Out
     if let Some(store) = &run.store {
         store.flush();
         if let Err(error) = store.tidy() {
-            let warning = format!("the store {} cannot be kept small ({error})", store.path().display());
+            let warning = format!("the store {} cannot be tidied up ({error})", store.path().display());
             scheduler.machine.warnings.push(warning);
         }
         scheduler.machine.warnings.extend(store.warnings());

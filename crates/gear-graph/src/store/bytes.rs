@@ -7,7 +7,8 @@ use super::record::Content;
 use crate::Digest;
 
 const MAGIC: [u8; 4] = *b"gAc\x01";
-const FRAME: usize = MAGIC.len() + 4 + 8;
+/// Bytes of a frame beside its payload.
+pub(super) const FRAME: usize = MAGIC.len() + 4 + 8;
 
 /// Appends a frame around what `payload` writes.
 pub(super) fn write_frame(out: &mut Vec<u8>, payload: impl FnOnce(&mut Writer<'_>)) {

@@ -158,6 +158,13 @@ impl Store {
 
     /// Puts a new file in the place of a log; its size.
     fn replace(&self, path: &Path, bytes: &[u8]) -> io::Result<u64> {
+        if bytes.is_empty() {
+            // An empty log would look as if it had been lost.
+            return match fs::remove_file(path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+                _ => Ok(0),
+            };
+        }
         let mut file = tempfile::Builder::new()
             .prefix("log-")
             .tempfile_in(self.root.join("tmp"))?;

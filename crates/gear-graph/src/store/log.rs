@@ -6,7 +6,7 @@ use std::hash::{BuildHasherDefault, Hasher};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use super::bytes::frames;
+use super::bytes::{FRAME, frames};
 use super::origin::Origin;
 use super::record::{Content, Done, Record};
 use crate::Digest;
@@ -71,6 +71,23 @@ impl Log {
     pub fn read(root: &Path, warnings: &mut Vec<String>) -> Self {
         let path = path(root);
         let bytes = match fs::read(&path) {
+            Ok(bytes) if bytes.is_empty() => {
+                // Somebody may be writing its first bytes; whoever appends holds the lock. Who collects holds it too, and
+                // reads the log himself: so this must not wait for long.
+                let lock = lock_file(root);
+                for _ in 0..20 {
+                    if lock.as_ref().map_or(true, |lock| lock.try_lock().is_ok()) {
+                        break;
+                    }
+                    std::thread::sleep(std::time::Duration::from_millis(5));
+                }
+                let again = fs::read(&path).unwrap_or_default();
+                if again.is_empty() && path.exists() {
+                    let what = "is empty; what it recorded is computed again";
+                    warnings.push(format!("the store's {} {what}", path.display()));
+                }
+                again
+            }
             Ok(bytes) => bytes,
             Err(error) => {
                 if error.kind() != io::ErrorKind::NotFound && error.kind() != io::ErrorKind::NotADirectory {
@@ -93,7 +110,14 @@ impl Log {
 
     /// A log of these bytes, none of which are on disk.
     pub fn of(bytes: Vec<u8>) -> Self {
-        let (frames, damaged) = frames(&bytes);
+        // A record of no known kind is as foreign as bytes that do not verify.
+        let kind = |frame: &std::ops::Range<usize>| bytes.get(frame.start).copied();
+        let (mut frames, mut damaged) = frames(&bytes);
+        frames.retain(|frame| {
+            let known = matches!(kind(frame), Some(1..=3));
+            damaged += if known { 0 } else { frame.len() + FRAME };
+            known
+        });
         let mut log = Self {
             written: 0,
             bytes,
@@ -223,14 +247,16 @@ pub fn read_origins(root: &Path) -> io::Result<(Vec<Origin>, usize)> {
 
 /// The origins in the bytes of a log, and the bytes that belong to none.
 pub fn origins_of(bytes: &[u8]) -> (Vec<Origin>, usize) {
-    let (frames, damaged) = frames(bytes);
-    (
-        frames
-            .into_iter()
-            .filter_map(|frame| Origin::read(&bytes[frame]))
-            .collect(),
-        damaged,
-    )
+    let (frames, mut damaged) = frames(bytes);
+    let mut origins = Vec::with_capacity(frames.len());
+    for frame in frames {
+        let size = frame.len() + FRAME;
+        match Origin::read(&bytes[frame]) {
+            Some(origin) => origins.push(origin),
+            None => damaged += size,
+        }
+    }
+    (origins, damaged)
 }
 
 pub fn lock_file(root: &Path) -> io::Result<File> {

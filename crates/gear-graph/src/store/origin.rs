@@ -9,6 +9,9 @@ use crate::{Digest, Hasher};
 /// Digests at one port are kept one by one up to so many; beyond, as one digest of all.
 const FEW: usize = 16;
 
+/// The first byte of an origin, another than of any record of actions: the two logs cannot be taken for each other.
+const KIND: u8 = 4;
+
 /// A value was computed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Origin {
@@ -83,7 +86,7 @@ impl Origin {
     /// Appends the framed bytes.
     pub fn write(&self, out: &mut Vec<u8>) {
         write_frame(out, |w| {
-            w.byte(1).digest(&self.key).u64(self.run).u64(self.made);
+            w.byte(KIND).digest(&self.key).u64(self.run).u64(self.made);
             w.u64(self.seconds.to_bits());
             w.text(&self.graph).text(&self.site).text(&self.output);
             self.parts.write(w);
@@ -93,7 +96,7 @@ impl Origin {
     /// Reads the payload of a frame that verified.
     pub fn read(payload: &[u8]) -> Option<Self> {
         let mut r = Reader(payload);
-        if r.byte()? != 1 {
+        if r.byte()? != KIND {
             return None;
         }
         Some(Self {

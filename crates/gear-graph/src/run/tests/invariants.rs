@@ -32,6 +32,64 @@ fn a_what_was_not_demanded_is_not_in_the_key() {
 }
 
 #[test]
+fn a_what_was_not_demanded_cannot_be_seen() {
+    /// Looks at `b` before it asked for it.
+    #[derive(Clone, Debug, Params)]
+    struct Nosy {}
+
+    impl Node for Nosy {
+        const NAME: &str = "Nosy";
+        const VERSION: u32 = 1;
+        type Inputs = ChooseIn;
+        type Outputs = AddOut;
+
+        fn demand(&self, _: &str, known: &Known<'_>) -> Result<Demand, NodeError> {
+            known.get::<Number>("b").map(|_| Demand::ready())
+        }
+
+        fn run(&self, inputs: ChooseIn, _: &Want, _: &Context) -> Result<AddOut, NodeError> {
+            Ok(AddOut { sum: inputs.a })
+        }
+    }
+
+    let mut registry = registry();
+    registry.node::<Nosy>();
+    let text = "gear: 1\ninputs: {a: Number}\nnodes: {n: {node: Nosy, in: {a: a, b: a}}}\noutputs: {sum: n.sum}";
+    let graph = GraphSource::new("test.yaml", text).check(&registry).unwrap();
+    // The value is at hand: the input is given. It is kept from the node all the same.
+    let outcome = Run::new(&graph).input_value("a", Number(1.0)).go().unwrap();
+    assert_eq!(outcome.report.status, RunStatus::Failed);
+    let chain = &outcome.report.failures[0].chain;
+    assert!(chain[0].contains('b'), "{chain:?}");
+}
+
+#[test]
+fn b_a_record_that_asks_for_what_cannot_be_asked_for_is_not_believed() {
+    use crate::store::{Need, Record};
+    let (graph, shelf) = (graph(CHOOSE), Shelf::new());
+    let key = |outcome: &Outcome<'_>| outcome.report.node("choose").unwrap().outputs[0].key.clone().unwrap();
+    let first = key(&choose(&graph, &shelf, 1.0, 5.0).go().unwrap());
+    // Not lazy, not a port, nothing at all, and not wired.
+    for ports in [&["a"][..], &["hole"], &[], &["c"]] {
+        let shelf = Shelf::new();
+        let store = shelf.open();
+        store.publish(Record::Need(Need {
+            key: Digest::from_hex(&first).unwrap(),
+            ports: ports.iter().map(ToString::to_string).collect(),
+            reason: String::new(),
+        }));
+        store.flush();
+        drop(store);
+        let outcome = choose(&graph, &shelf, 1.0, 5.0).go().unwrap();
+        assert_eq!(
+            (number(&outcome, "chosen"), key(&outcome)),
+            (1.0, first.clone()),
+            "{ports:?}"
+        );
+    }
+}
+
+#[test]
 fn b_a_demand_that_is_not_new_is_the_nodes_failure() {
     #[derive(Clone, Debug, Params)]
     struct Greedy {}
@@ -76,6 +134,44 @@ fn c_run_receives_only_what_was_demanded() {
     assert_eq!(elided.len(), 1);
     assert_eq!((elided[0].output.as_str(), elided[0].port.as_str()), ("twice", "b"));
     assert_eq!(elided[0].reason, "only a is doubled");
+}
+
+#[test]
+fn c_a_port_that_was_not_demanded_is_absent_although_its_value_is_at_hand() {
+    /// Each output tells whether it was computed with `b`; only `chosen` demands it.
+    #[derive(Clone, Debug, Params)]
+    struct Spy {}
+
+    impl Node for Spy {
+        const NAME: &str = "Spy";
+        const VERSION: u32 = 1;
+        type Inputs = ChooseIn;
+        type Outputs = ChooseOut;
+
+        fn demand(&self, output: &str, known: &Known<'_>) -> Result<Demand, NodeError> {
+            Ok(if output == "chosen" {
+                known.need(&["b"], "asked")
+            } else {
+                Demand::ready()
+            })
+        }
+
+        fn run(&self, inputs: ChooseIn, want: &Want, _: &Context) -> Result<ChooseOut, NodeError> {
+            let seen = f64::from(u8::from(inputs.b.get().is_some()));
+            Ok(ChooseOut {
+                chosen: want.compute("chosen", || Number(seen)),
+                twice: want.compute("twice", || Number(seen)),
+            })
+        }
+    }
+
+    let mut registry = registry();
+    registry.node::<Spy>();
+    let text = "gear: 1\ninputs: {a: Number}\nnodes: {spy: {node: Spy, in: {a: a, b: a}}}\n\
+                outputs: {chosen: spy.chosen, twice: spy.twice}";
+    let graph = GraphSource::new("test.yaml", text).check(&registry).unwrap();
+    let outcome = Run::new(&graph).input_value("a", Number(1.0)).go().unwrap();
+    assert_eq!((number(&outcome, "chosen"), number(&outcome, "twice")), (1.0, 0.0));
 }
 
 #[test]
@@ -130,6 +226,23 @@ outputs: {length: measure.length}";
         "now the value is needed, and computed again"
     );
     assert!(report.warnings.is_empty());
+}
+
+#[test]
+fn e_a_record_is_published_after_its_content() {
+    // Contents cannot be written: then no record may say that they are there, however the run ends.
+    let body = "inputs: {x: Number}\nnodes: {floor: {node: Floor, in: {x: x}}}\noutputs: {large: floor.large}";
+    let (graph, shelf) = (graph(body), Shelf::new());
+    let store = shelf.open();
+    std::fs::remove_dir_all(shelf.path().join("contents")).unwrap();
+    std::fs::write(shelf.path().join("contents"), "in the way").unwrap();
+    let run = Run::new(&graph).store(store).input_value("x", Number(1.0));
+    let outcome = run.go().unwrap();
+    let digest = outcome.digest("large").unwrap();
+    drop(outcome);
+    assert!(!shelf.open().has_value(&digest));
+    let lost = Store::open(shelf.path()).load(&digest, &ValueType::of::<Report>());
+    assert!(lost.is_none());
 }
 
 #[test]
@@ -213,6 +326,39 @@ fn h_a_file_is_a_load_action_keyed_by_its_bytes_and_the_loaders_parameters() {
     );
     // Other bytes that load to the same value: loaded, and cut off there.
     assert_eq!(run("one.txt", "4.0\n", &[]), (4.0, vec!["x".into()]));
+}
+
+#[test]
+fn h_a_loader_of_another_version_loads_again() {
+    /// Reads the same, says that it is newer.
+    #[derive(Clone, Debug, Params)]
+    struct Newer {}
+
+    impl Loader for Newer {
+        const VERSION: u32 = 2;
+        type Value = Number;
+
+        fn load(&self, file: &FileSource, ctx: &Context) -> Result<Number, NodeError> {
+            NumberText { scale: 1.0 }.load(file, ctx)
+        }
+    }
+
+    let shelf = Shelf::new();
+    let path = shelf.path().join("one.txt");
+    std::fs::write(&path, "4").unwrap();
+    let (mut old, mut new) = (Registry::new(), Registry::new());
+    old.node::<Add>().loader::<NumberText>();
+    new.node::<Add>().loader::<Newer>();
+    let ran = |registry: &Registry| {
+        let text = "gear: 1\ninputs: {x: Number}\nnodes: {add: {node: Add, in: {of: x}}}\noutputs: {sum: add.sum}";
+        let graph = GraphSource::new("test.yaml", text).check(registry).unwrap();
+        let run = Run::new(&graph).store(shelf.open()).input("x", Input::file(&path));
+        let report = run.go().unwrap().report;
+        report.ran().into_iter().map(String::from).collect::<Vec<_>>()
+    };
+    assert_eq!(ran(&old), ["x", "add"]);
+    assert_eq!(ran(&new), ["x"], "the value is the same: cut off there");
+    assert_eq!(ran(&new), [""; 0]);
 }
 
 #[test]

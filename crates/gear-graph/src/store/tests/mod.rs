@@ -275,7 +275,7 @@ fn another_versions_log_is_a_clean_miss() {
 }
 
 #[test]
-fn records_of_a_kind_that_is_not_known_yet_are_passed_over() {
+fn records_of_a_kind_that_is_not_known_are_passed_over_with_a_warning() {
     let dir = tempfile::tempdir().unwrap();
     let key = put(&Store::open(dir.path()), "key", &big("a"), 0.1);
     let mut bytes = std::fs::read(log::path(dir.path())).unwrap();
@@ -288,5 +288,54 @@ fn records_of_a_kind_that_is_not_known_yet_are_passed_over() {
     let store = Store::open(dir.path());
     assert!(value_at(&store, &key).is_some());
     assert!(store.lookup(&Digest::of(b"later")).is_none());
-    assert_eq!(store.warnings(), [""; 0]);
+    assert_eq!(store.warnings().len(), 1);
+}
+
+#[test]
+fn logs_that_changed_places_are_misses_with_a_warning() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path());
+    let key = Digest::of(b"key");
+    store.publish_origin(&Origin {
+        key,
+        ..Origin::default()
+    });
+    put(&store, "key", &big("a"), 0.1);
+    let (actions, origins) = (log::path(dir.path()), log::origins_path(dir.path()));
+    let (a, b) = (std::fs::read(&actions).unwrap(), std::fs::read(&origins).unwrap());
+    std::fs::write(&actions, b).unwrap();
+    std::fs::write(&origins, a).unwrap();
+    let store = Store::open(dir.path());
+    assert!(store.lookup(&key).is_none());
+    assert_eq!(store.warnings().len(), 1);
+    assert_eq!(store.origins(), []);
+}
+
+#[test]
+fn a_log_that_lost_its_bytes_is_told_of() {
+    let dir = tempfile::tempdir().unwrap();
+    put(&Store::open(dir.path()), "key", &big("a"), 0.1);
+    std::fs::write(log::path(dir.path()), b"").unwrap();
+    assert_eq!(Store::open(dir.path()).warnings().len(), 1);
+    // A collection that leaves nothing leaves no empty log.
+    let store = Store::open(dir.path());
+    store.gc(0).unwrap();
+    assert_eq!(Store::open(dir.path()).warnings(), [""; 0]);
+}
+
+#[test]
+fn of_contents_of_equal_worth_those_that_rest_longest_go_first() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path());
+    let keys = [put(&store, "a", &big("a"), 1.0), put(&store, "b", &big("b"), 1.0)];
+    // The clock of the first is set back a month, then it is read: it counts as used now. The second rests.
+    let month = std::time::SystemTime::now() - std::time::Duration::from_secs(30 * 86_400);
+    for file in content_files(&store) {
+        std::fs::File::open(file).unwrap().set_modified(month).unwrap();
+    }
+    assert!(value_at(&store, &keys[0]).is_some());
+    store.gc(14_000).unwrap();
+    let store = Store::open(dir.path());
+    assert!(value_at(&store, &keys[0]).is_some());
+    assert!(value_at(&store, &keys[1]).is_none());
 }
