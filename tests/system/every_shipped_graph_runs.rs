@@ -2,43 +2,67 @@
 
 use gear_tests::Desk;
 
+/// `@NAME` of all of them, the main one first.
+fn names(desk: &Desk) -> Vec<String> {
+    let list = desk.gear(&["graphs", "list"]).exits(0).stdout;
+    let names: Vec<_> = list
+        .lines()
+        .filter_map(|line| line.split_whitespace().next().map(str::to_owned))
+        .collect();
+    assert!(names[0] == "@gear" && names.len() >= 8, "{list}");
+    names
+}
+
 #[test]
-fn the_baselines() {
+fn all_of_them_run_and_what_they_share_runs_once() {
     let desk = Desk::new();
-    for graph in [
-        "@baselines/raw",
-        "@baselines/histogram-equalization",
-        "@baselines/retinex",
-    ] {
-        let arguments = [
-            "run",
-            graph,
-            "--input",
-            "painting=sample:court-lady",
-            "--set",
-            "painting.size=64",
-            "--set",
-            "orbit.orbit=4",
-            "--set",
-            "orbit.size=48",
-        ];
+    for name in names(&desk) {
+        let mut arguments = vec!["run", &name, "--input", "painting=sample:court-lady"];
+        let mut sets = vec!["painting.size=64", "orbit.orbit=4", "orbit.size=48"];
+        if desk.gear(&["graph", &name]).exits(0).stdout.contains("<small>Refine<") {
+            sets.extend(["refine.color_iterations=3", "refine.iterations=6"]);
+        }
+        for set in sets {
+            arguments.extend(["--set", set]);
+        }
         desk.gear(&arguments).exits(0);
         let metrics = gear_tests::json(&desk.path("out/metrics.json"));
         assert!(
             metrics["vend"].as_f64().is_some_and(|vend| vend > 0.0),
-            "{graph}: {metrics}"
+            "{name}: {metrics}"
         );
+        if name != "@gear" {
+            let record = desk.record("out");
+            let ran = record.with_status("ran");
+            assert!(
+                !ran.contains(&"foreground") && !ran.contains(&"edges"),
+                "{name}: {ran:?}"
+            );
+        }
     }
 }
 
 #[test]
 fn all_of_them_are_clean() {
     let desk = Desk::new();
-    let list = desk.gear(&["graphs", "list"]).exits(0).stdout;
-    let names: Vec<_> = list.lines().filter_map(|line| line.split_whitespace().next()).collect();
-    assert!(names.contains(&"@gear") && names.len() >= 4, "{list}");
-    for name in names {
-        let done = desk.gear(&["check", name]).exits(0);
+    for name in names(&desk) {
+        let done = desk.gear(&["check", &name]).exits(0);
         assert_eq!(done.stderr, "", "{name}");
+    }
+}
+
+#[test]
+fn what_is_resolved_is_the_same_work() {
+    let desk = Desk::new();
+    for name in names(&desk) {
+        let resolved = desk.gear(&["graph", &name, "--resolved"]).exits(0).stdout;
+        desk.file("resolved.yaml", &resolved);
+        assert_eq!(desk.gear(&["check", "resolved.yaml"]).exits(0).stderr, "", "{name}");
+        let plan = |graph: &str| {
+            desk.gear(&["plan", graph, "--input", "painting=sample:vessel"])
+                .exits(0)
+                .stdout
+        };
+        assert_eq!(plan("resolved.yaml"), plan(&name), "{name}");
     }
 }

@@ -102,6 +102,54 @@ fn a_graph_is_drawn() {
 }
 
 #[test]
+fn mistakes_for_programs_are_json_on_standard_output() {
+    let desk = Desk::new();
+    let check = |graph: &str, code| {
+        let done = desk.gear(&["check", graph, "--format", "json"]).exits(code);
+        assert_eq!(done.stderr, "", "{graph}");
+        serde_json::from_str::<serde_json::Value>(&done.stdout).unwrap()
+    };
+    let clean = check("@ablations/fixed-gain", 0);
+    assert_eq!(clean["mistakes"], serde_json::json!([]));
+    assert_eq!(clean["files"], serde_json::json!(["@ablations/fixed-gain", "@gear"]));
+
+    desk.file(
+        "over.yaml",
+        "gear: 1\nextends: small.yaml\nnodes:\n  ratio: {with: {radios: 0.1}}\n",
+    );
+    desk.file("small.yaml", crate::SMALL);
+    let wrong = check("over.yaml", 2);
+    assert_eq!((&wrong["format"], &wrong["errors"]), (&1.into(), &1.into()));
+    let mistake = &wrong["mistakes"][0];
+    assert_eq!(mistake["code"], "unknown-parameter");
+    assert_eq!(mistake["file"], "over.yaml");
+    assert_eq!(
+        mistake["start"],
+        serde_json::json!({"line": 4, "column": 18, "offset": 52})
+    );
+    assert_eq!(
+        mistake["end"],
+        serde_json::json!({"line": 4, "column": 24, "offset": 58})
+    );
+
+    let missing = check("smal.yaml", 2);
+    assert_eq!(missing["mistakes"][0]["code"], "unreadable-graph");
+    assert_eq!(missing["mistakes"][0]["help"], "did you mean `small.yaml`?");
+}
+
+#[test]
+fn the_schema_knows_the_nodes() {
+    let desk = Desk::new();
+    let schema: serde_json::Value = serde_json::from_str(&desk.gear(&["schema"]).exits(0).stdout).unwrap();
+    assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema");
+    let radius = &schema["$defs"]["node-LogRatio"]["properties"]["with"]["properties"]["radius"];
+    assert!(
+        radius["description"].as_str().unwrap().contains("Default"),
+        "{radius:#}"
+    );
+}
+
+#[test]
 fn a_shipped_graph_is_copied_but_never_over_a_file() {
     let desk = Desk::new();
     desk.gear(&["graphs", "copy", "gear.yaml"]).exits(0);

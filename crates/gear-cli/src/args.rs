@@ -29,7 +29,7 @@ pub enum Command {
     /// Run a graph and write what it puts out
     Run(RunArgs),
     /// Find every mistake in a graph file, without running it
-    Check(GraphArgs),
+    Check(CheckArgs),
     /// Tell what a run would do: what runs, what is stored, what is left out and why
     ///
     /// Takes the arguments of `gear run` and writes nothing.
@@ -62,8 +62,10 @@ pub enum Command {
     /// In gear's repository it goes to nodes/. Elsewhere it goes to the current folder, with a binary that is gear plus
     /// the node.
     NewNode(NewNodeArgs),
-    /// Draw a graph
+    /// Draw a graph, or print it with all that it extends
     Graph(DrawArgs),
+    /// Write the JSON Schema of graph files, for editors
+    Schema,
     /// The graphs that come with gear
     #[command(subcommand)]
     Graphs(GraphsCommand),
@@ -79,6 +81,26 @@ pub struct GraphArgs {
     /// Change a parameter of a node or an input; the value is YAML
     #[arg(long, value_name = "NODE.PARAM=VALUE")]
     pub set: Vec<String>,
+}
+
+/// `gear check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// The graph.
+    #[command(flatten)]
+    pub graph: GraphArgs,
+    /// For people, or for programs on standard output
+    #[arg(long, value_enum, default_value_t = CheckFormat::Text)]
+    pub format: CheckFormat,
+}
+
+/// How mistakes are told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CheckFormat {
+    /// As a compiler does
+    Text,
+    /// With files, lines and columns, for editors
+    Json,
 }
 
 /// What a run is made of.
@@ -274,6 +296,9 @@ pub struct DrawArgs {
     /// What to draw it with
     #[arg(long, value_enum, default_value_t = DrawFormat::Mermaid)]
     pub format: DrawFormat,
+    /// Print it as one YAML file instead, with what it extends and every --set in it
+    #[arg(long, conflicts_with = "format")]
+    pub resolved: bool,
 }
 
 /// What a graph is drawn with.

@@ -22,7 +22,7 @@ pub enum Exit {
 pub enum CliError {
     /// The graph file cannot be read.
     #[error("{0}")]
-    GraphFile(Unreadable),
+    GraphFile(#[from] Unreadable),
     /// No graph of that name comes with gear.
     #[error("no graph named `{name}` comes with gear; {help}")]
     UnknownGraph {

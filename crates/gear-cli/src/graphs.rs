@@ -1,7 +1,7 @@
 //! The graphs that are embedded in the binary, and graphs from files.
 
 use gear_graph::graph::nearest;
-use gear_graph::{Graph, GraphSource, Library, Registry, Store};
+use gear_graph::{Graph, GraphSource, Library, Registry, Store, Unreadable};
 
 use crate::args::GraphArgs;
 use crate::error::CliError;
@@ -30,6 +30,10 @@ pub fn shipped() -> &'static [Shipped] {
         "baselines/raw",
         "baselines/histogram-equalization",
         "baselines/retinex",
+        "ablations/without-translation",
+        "ablations/fixed-gain",
+        "ablations/without-grounding",
+        "ablations/without-restitution",
     ]
 }
 
@@ -79,8 +83,8 @@ pub fn open_in(args: &GraphArgs, registry: &Registry, store: Option<&Store>) -> 
 }
 
 /// Reads the graph that was asked for.
-pub fn source(args: &GraphArgs) -> Result<GraphSource, CliError> {
-    let mut source = GraphSource::open(&args.graph, &library()).map_err(CliError::GraphFile)?;
+pub fn source(args: &GraphArgs) -> Result<GraphSource, Unreadable> {
+    let mut source = GraphSource::open(&args.graph, &library())?;
     source.set = args.set.clone();
     Ok(source)
 }

@@ -96,6 +96,7 @@ fn dispatch(command: &Command, registry: &Registry, console: &Console) -> Result
         Command::Nodes(options) => commands::nodes::nodes(options, registry, console),
         Command::NewNode(options) => commands::new_node::new_node(options, registry, console),
         Command::Graph(options) => commands::graph::graph(options, registry, console),
+        Command::Schema => commands::schema::schema(registry, console),
         Command::Graphs(options) => commands::graphs::graphs(options, console),
         Command::Sample(options) => commands::sample::sample(options, console),
     }

@@ -1,4 +1,4 @@
-//! `gear graph`: a graph as the source of a drawing.
+//! `gear graph`: a graph as the source of a drawing, or as one file.
 
 use gear_graph::Registry;
 
@@ -8,11 +8,16 @@ use crate::error::{CliError, Exit};
 use crate::graphs;
 
 pub fn graph(args: &DrawArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
-    let graph = graphs::open(&args.graph, registry)?;
-    let drawn = match args.format {
-        DrawFormat::Mermaid => graph.to_mermaid(),
-        DrawFormat::Dot => graph.to_dot(),
+    let text = if args.resolved {
+        let resolved = graphs::source(&args.graph)?.resolve(registry);
+        resolved.map_err(CliError::Graph)?
+    } else {
+        let graph = graphs::open(&args.graph, registry)?;
+        match args.format {
+            DrawFormat::Mermaid => graph.to_mermaid(),
+            DrawFormat::Dot => graph.to_dot(),
+        }
     };
-    console.result(drawn.trim_end());
+    console.result(text.trim_end());
     Ok(Exit::Done)
 }

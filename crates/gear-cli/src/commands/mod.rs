@@ -9,4 +9,5 @@ pub mod nodes;
 pub mod plan;
 pub mod run;
 pub mod sample;
+pub mod schema;
 pub mod why;

@@ -4,12 +4,14 @@
 //! source's lines are found once, and what is shown of it for a problem is a text of its own: the lines with labels
 //! and their neighbours, the long ones cut to what stands around the labels. Line numbers and columns stay true.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
 use miette::{LabeledSpan, MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanContents};
 
 use super::Source;
+use super::suggest::shows;
 use crate::Span;
 
 /// Lines up to so many bytes are shown whole.
@@ -28,15 +30,24 @@ pub(super) struct Lines {
 
 impl Lines {
     pub fn of(text: &str) -> Self {
-        let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+        let bytes = text.as_bytes();
+        // YAML also ends lines as the first Macintosh did.
+        let ends =
+            (0..bytes.len()).filter(|i| bytes[*i] == b'\n' || (bytes[*i] == b'\r' && bytes.get(i + 1) != Some(&b'\n')));
+        // A byte order mark belongs to no line.
+        let first = if text.starts_with('\u{feff}') {
+            '\u{feff}'.len_utf8()
+        } else {
+            0
+        };
         Self {
-            starts: std::iter::once(0).chain(ends.map(|(i, _)| i + 1)).collect(),
+            starts: std::iter::once(first).chain(ends.map(|i| i + 1)).collect(),
         }
     }
 
     /// The line of a byte, from 0.
     pub fn at(&self, byte: usize) -> usize {
-        self.starts.partition_point(|start| *start <= byte) - 1
+        self.starts.partition_point(|start| *start <= byte).saturating_sub(1)
     }
 
     /// The bytes of a line, without its end.
@@ -53,26 +64,43 @@ impl Lines {
     }
 }
 
-/// The lines that one problem shows.
-#[derive(Debug)]
+/// The lines that one problem shows, source by source.
+#[derive(Debug, Default)]
 pub(super) struct Excerpt<'s> {
-    name: &'s str,
     pub text: String,
-    /// Of every line shown: where it begins in `text`, and its number in the source.
-    lines: Vec<(usize, usize)>,
+    lines: Vec<Shown<'s>>,
     /// The labels: their place in `text`, the column in the source, the remark.
     labels: Vec<(Range<usize>, usize, &'s str)>,
 }
 
+/// A line that is shown.
+#[derive(Debug)]
+struct Shown<'s> {
+    /// Where it begins in the excerpt.
+    start: usize,
+    /// Its number in its source, from 0.
+    number: usize,
+    /// The name of its source.
+    source: &'s str,
+}
+
+impl Shown<'_> {
+    /// Whether `next` is the line below.
+    fn is_above(&self, next: &Self) -> bool {
+        self.number + 1 == next.number && std::ptr::eq(self.source, next.source)
+    }
+}
+
 impl<'s> Excerpt<'s> {
-    /// The excerpt for these labels, all of this source.
-    pub fn new(source: &'s Source, lines: &Lines, labels: &[(Span, &'s str)]) -> Self {
+    /// Adds the lines for these labels, all of this source.
+    pub fn add(&mut self, source: &'s Source, lines: &Lines, labels: &[(Span, &'s str)]) {
         let text = &source.text;
         let mut places: Vec<(usize, Range<usize>)> = labels
             .iter()
             .map(|(span, _)| {
                 let start = floor(text, span.start as usize);
                 let line = lines.at(start);
+                let start = start.max(lines.starts[line]);
                 let end = (start + span.len as usize).min(lines.range(text, line).end).max(start);
                 (line, start..floor(text, end).max(start))
             })
@@ -84,16 +112,13 @@ impl<'s> Excerpt<'s> {
             .iter()
             .flat_map(|(line, _)| line.saturating_sub(1)..=(line + 1).min(context_end).max(*line))
             .collect();
-        let mut excerpt = Self {
-            name: &source.name,
-            text: String::new(),
-            lines: Vec::new(),
-            labels: Vec::new(),
-        };
         let mut found = vec![(0..0, 0); places.len()];
         for line in shown {
-            let start = excerpt.text.len();
-            excerpt.lines.push((start, line));
+            self.lines.push(Shown {
+                start: self.text.len(),
+                number: line,
+                source: &source.name,
+            });
             let whole = lines.range(text, line);
             let parts = parts(
                 text,
@@ -103,28 +128,26 @@ impl<'s> Excerpt<'s> {
             let mut end = whole.start;
             for part in parts {
                 if part.start > end {
-                    excerpt.text.push_str(CUT);
+                    self.text.push_str(CUT);
                 }
                 for ((at, place), found) in places.iter().zip(&mut found) {
                     if *at == line && part.start <= place.start && place.end <= part.end {
-                        let start = excerpt.text.len() + place.start - part.start;
-                        *found = (start..start + place.len(), lines.column(text, place.start));
+                        let start = self.text.len() + visible(&text[part.start..place.start]).len();
+                        let end = start + visible(&text[place.clone()]).len();
+                        *found = (start..end, lines.column(text, place.start));
                     }
                 }
-                excerpt.text.push_str(&text[part.clone()]);
+                self.text.push_str(&visible(&text[part.clone()]));
                 end = part.end;
             }
             if end < whole.end {
-                excerpt.text.push_str(CUT);
+                self.text.push_str(CUT);
             }
-            excerpt.text.push('\n');
+            self.text.push('\n');
         }
-        excerpt.labels = found
-            .into_iter()
-            .zip(labels)
-            .map(|((place, column), (_, remark))| (place, column, *remark))
-            .collect();
-        excerpt
+        let found = found.into_iter().zip(labels);
+        self.labels
+            .extend(found.map(|((place, column), (_, remark))| (place, column, *remark)));
     }
 
     /// The labels, as places in the excerpt.
@@ -133,6 +156,14 @@ impl<'s> Excerpt<'s> {
             .iter()
             .map(|(place, _, remark)| LabeledSpan::new(Some((*remark).to_string()), place.start, place.len().max(1)))
     }
+}
+
+/// A text in which a sign stands for every character that cannot be shown.
+fn visible(text: &str) -> Cow<'_, str> {
+    if text.chars().all(shows) {
+        return text.into();
+    }
+    text.chars().map(|c| if shows(c) { c } else { '\u{fffd}' }).collect()
 }
 
 /// The last start of a character up to a byte.
@@ -177,16 +208,20 @@ impl SourceCode for Excerpt<'_> {
         before: usize,
         after: usize,
     ) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
-        let line_at = |byte: usize| self.lines.partition_point(|(start, _)| *start <= byte) - 1;
+        let line_at = |byte: usize| self.lines.partition_point(|line| line.start <= byte) - 1;
         let (mut first, mut last) = (line_at(span.offset()), line_at(span.offset() + span.len().max(1) - 1));
+        // What stands in two sources is not shown as one.
+        if !std::ptr::eq(self.lines[first].source, self.lines[last].source) {
+            return Err(MietteError::OutOfBounds);
+        }
         // Lines that are not neighbours in the source are none here.
         for _ in 0..before {
-            if first > 0 && self.lines[first - 1].1 + 1 == self.lines[first].1 {
+            if first > 0 && self.lines[first - 1].is_above(&self.lines[first]) {
                 first -= 1;
             }
         }
         for _ in 0..after {
-            if last + 1 < self.lines.len() && self.lines[last].1 + 1 == self.lines[last + 1].1 {
+            if last + 1 < self.lines.len() && self.lines[last].is_above(&self.lines[last + 1]) {
                 last += 1;
             }
         }
@@ -194,15 +229,15 @@ impl SourceCode for Excerpt<'_> {
             let label = self.labels.iter().find(|(place, ..)| place.start == span.offset());
             (span.offset(), label.map_or(0, |(_, column, _)| *column))
         } else {
-            (self.lines[first].0, 0)
+            (self.lines[first].start, 0)
         };
-        let end = self.lines.get(last + 1).map_or(self.text.len(), |(start, _)| *start);
+        let end = self.lines.get(last + 1).map_or(self.text.len(), |line| line.start);
         let data = self.text.as_bytes().get(start..end).ok_or(MietteError::OutOfBounds)?;
         Ok(Box::new(MietteSpanContents::new_named(
-            self.name.to_string(),
+            self.lines[first].source.to_string(),
             data,
             (start, end - start).into(),
-            self.lines[first].1,
+            self.lines[first].number,
             column,
             last - first + 1,
         )))
@@ -229,7 +264,8 @@ mod tests {
             start: 17 * 99_000,
             len: 2,
         };
-        let excerpt = Excerpt::new(
+        let mut excerpt = Excerpt::default();
+        excerpt.add(
             &source,
             &lines,
             &[(far, "here"), (Span { start: 0, ..far }, "and here")],
@@ -248,7 +284,8 @@ mod tests {
             start: 1_000_000,
             len: 1_000_001,
         };
-        let excerpt = Excerpt::new(&source, &lines, &[(span, "here")]);
+        let mut excerpt = Excerpt::default();
+        excerpt.add(&source, &lines, &[(span, "here")]);
         assert!(excerpt.text.len() < 200, "{}", excerpt.text);
         let label = excerpt.labels().next().unwrap();
         assert!(excerpt.text[label.offset()..].starts_with("Xü"));

@@ -37,10 +37,10 @@ pub struct Wiring<'t> {
 }
 
 /// Names become parts of file names, which systems limit to 255 bytes.
-const LONGEST_NAME: usize = 60;
+pub(super) const LONGEST_NAME: usize = 60;
 
 /// What a run writes beside its outputs: `run.json` and `report.html`.
-const RESERVED: [&str; 2] = ["run", "report"];
+pub(super) const RESERVED: [&str; 2] = ["run", "report"];
 
 type Entries<'t> = &'t [(Spanned<String>, Tree)];
 
@@ -364,10 +364,19 @@ fn keys(entries: Entries<'_>, what: &str, known: &[&str], problems: &mut Vec<Pro
                 key.span,
                 "unknown key",
             )
-            .help(match nearest(&key.value, known.iter().copied()) {
-                Some(name) => format!("did you mean `{name}`?"),
-                None => format!("its keys are {}", known.join(", ")),
-            }),
+            .help(
+                match (glued(&key.value, known), nearest(&key.value, known.iter().copied())) {
+                    (Some(apart), _) => format!("a colon is followed by a space: `{apart}`"),
+                    (None, Some(name)) => format!("did you mean `{name}`?"),
+                    (None, None) => format!("its keys are {}", known.join(", ")),
+                },
+            ),
         );
     }
+}
+
+/// `node:Type`, which YAML takes for one word, as it was meant.
+fn glued(key: &str, known: &[&str]) -> Option<String> {
+    let (name, value) = key.split_once(':')?;
+    known.contains(&name).then(|| format!("{name}: {value}"))
 }

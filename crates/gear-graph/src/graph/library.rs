@@ -78,7 +78,7 @@ impl Library {
             Err(cause) => Err(match cause.kind() {
                 ErrorKind::NotFound => unreadable("there is no such file", neighbour(Path::new(name))),
                 ErrorKind::IsADirectory => unreadable("this is a folder", None),
-                ErrorKind::InvalidData => unreadable("this is not a text file", None),
+                ErrorKind::InvalidData => unreadable("this is not text in UTF-8", None),
                 ErrorKind::FileTooLarge => unreadable(&format!("it is larger than {} MiB", LARGEST >> 20), None),
                 _ => unreadable(&cause.to_string(), None),
             }),
@@ -185,7 +185,7 @@ mod tests {
         assert_eq!(cause(&path("")), "this is a folder");
         assert_eq!(cause(&path("picture.yaml")), "there is no such file");
         std::fs::write(path("picture.yaml"), [0xff, 0xd8, 0xff]).unwrap();
-        assert_eq!(cause(&path("picture.yaml")), "this is not a text file");
+        assert_eq!(cause(&path("picture.yaml")), "this is not text in UTF-8");
         assert_eq!(
             help(&path("pictrue.yaml")),
             format!("did you mean `{}`?", path("picture.yaml"))

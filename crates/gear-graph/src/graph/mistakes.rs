@@ -8,6 +8,9 @@ use super::excerpt::{Excerpt, Lines};
 use super::suggest::clip;
 use crate::{Problem, Severity, Span};
 
+/// The name of an override in messages.
+pub(super) const SET: &str = "--set";
+
 /// A text that problems point into.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Source {
@@ -40,6 +43,8 @@ impl Mistakes {
                 clip(remark);
             }
         }
+        // What points nowhere needs no texts.
+        let sources = if problems.is_empty() { Vec::new() } else { sources };
         let lines = sources.iter().map(|source| Lines::of(&source.text)).collect();
         Self {
             sources,
@@ -61,6 +66,12 @@ impl Mistakes {
     /// Whether the graph cannot run.
     pub fn has_errors(&self) -> bool {
         self.problems.iter().any(|p| p.severity == Severity::Error)
+    }
+
+    /// The names of the files that were read, if there is a mistake.
+    pub fn files(&self) -> impl Iterator<Item = &str> {
+        let names = self.sources.iter().map(|source| source.name.as_str());
+        names.filter(|name| *name != SET)
     }
 
     /// Line and column (from 1) of a place, and the name of its source.
@@ -95,7 +106,9 @@ impl Mistakes {
         text
     }
 
-    /// The same for editors: a list of objects with `code`, `severity`, `message`, `help` and `labels`.
+    /// The same for editors: a list of objects with `code`, `severity`, `message`, `help`, the place (`file`, `start`,
+    /// `end`) and `labels`, which are all places with a remark each, the main one first. Lines and columns count from
+    /// 1, columns in characters; `offset` counts bytes from 0; `end` is the place behind the last character.
     pub fn to_json(&self) -> serde_json::Value {
         self.problems
             .iter()
@@ -104,19 +117,29 @@ impl Mistakes {
                     .labels
                     .iter()
                     .map(|(span, remark)| {
-                        let (file, line, column) = self.position(*span);
-                        serde_json::json!({
-                            "file": file, "line": line, "column": column, "offset": span.start, "length": span.len,
-                            "remark": remark,
-                        })
+                        let mut place = self.place(*span);
+                        place["remark"] = remark.as_str().into();
+                        place
                     })
                     .collect();
+                let main = problem.labels.first().map(|(span, _)| self.place(*span));
+                let at = |key: &str| main.as_ref().map(|place| place[key].clone());
                 serde_json::json!({
                     "code": problem.code, "severity": problem.severity, "message": problem.message,
-                    "help": problem.help, "labels": labels,
+                    "help": problem.help, "file": at("file"), "start": at("start"), "end": at("end"),
+                    "labels": labels,
                 })
             })
             .collect()
+    }
+
+    fn place(&self, span: Span) -> serde_json::Value {
+        let point = |offset: u32| {
+            let (_, line, column) = self.position(Span { start: offset, ..span });
+            serde_json::json!({"line": line, "column": column, "offset": offset})
+        };
+        let (file, ..) = self.position(span);
+        serde_json::json!({"file": file, "start": point(span.start), "end": point(span.start + span.len)})
     }
 }
 
@@ -137,22 +160,30 @@ impl std::error::Error for Mistakes {}
 /// One problem as miette sees it.
 struct Shown<'a> {
     problem: &'a Problem,
-    excerpt: Option<Excerpt<'a>>,
+    excerpt: Excerpt<'a>,
 }
 
 impl<'a> Shown<'a> {
     fn new(problem: &'a Problem, mistakes: &'a Mistakes) -> Self {
-        let excerpt = problem.labels.first().and_then(|(main, _)| {
-            let number = main.source as usize;
+        let mut excerpt = Excerpt::default();
+        let mut shown: Vec<u32> = Vec::new();
+        for (span, _) in &problem.labels {
+            if shown.contains(&span.source) {
+                continue;
+            }
+            shown.push(span.source);
+            let number = span.source as usize;
+            let Some(source) = mistakes.sources.get(number) else {
+                continue;
+            };
             let labels: Vec<_> = problem
                 .labels
                 .iter()
-                .filter(|(span, _)| span.source == main.source)
+                .filter(|(other, _)| other.source == span.source)
                 .map(|(span, remark)| (*span, remark.as_str()))
                 .collect();
-            let source = mistakes.sources.get(number)?;
-            Some(Excerpt::new(source, &mistakes.lines[number], &labels))
-        });
+            excerpt.add(source, &mistakes.lines[number], &labels);
+        }
         Self { problem, excerpt }
     }
 }
@@ -191,10 +222,10 @@ impl miette::Diagnostic for Shown<'_> {
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.excerpt.as_ref().map(|excerpt| excerpt as &dyn SourceCode)
+        (!self.excerpt.text.is_empty()).then_some(&self.excerpt as &dyn SourceCode)
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        Some(Box::new(self.excerpt.as_ref()?.labels()))
+        Some(Box::new(self.excerpt.labels()))
     }
 }

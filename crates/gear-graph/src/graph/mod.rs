@@ -12,9 +12,11 @@
 //! ```
 //!
 //! A bare name is a graph input, `node.port` an output of a node; a port that takes many values is given a list.
-//! Reading goes text → [`Tree`](crate::Tree) (`yaml`) → names with positions (`file`) → [`Graph`] (`check`).
-//! All three report every mistake they find.
+//! Reading goes text → [`Tree`](crate::Tree) (`yaml`), for the file and those that it extends (`chain`), laid over each
+//! other (`overlay`), changed by overrides (`set`) → names with positions (`file`) → [`Graph`] (`check`). All of them
+//! report every mistake they find.
 
+mod causes;
 mod chain;
 mod check;
 mod compiled;
@@ -25,18 +27,22 @@ mod library;
 mod mistakes;
 mod overlay;
 mod plain;
+mod print;
+mod schema;
 mod set;
 mod suggest;
 mod yaml;
 
 use std::sync::Arc;
 
+pub use causes::{CAUSES, Cause};
 pub use library::{GraphFile, Library, Unreadable};
 pub use mistakes::{Mistakes, Source};
+pub use schema::schema;
 pub use suggest::nearest;
 
 use crate::registry::{AnyLoader, AnyNode};
-use crate::{LoaderSpec, NodeSpec, ParamValues, Registry, Store, ValueType};
+use crate::{LoaderSpec, NodeSpec, ParamValues, Registry, Store, Tree, ValueType};
 
 /// The version of graph files that is read.
 pub const GRAPH_VERSION: i64 = 1;
@@ -149,42 +155,45 @@ impl GraphSource {
 
     /// Reads and checks everything; all mistakes at once.
     pub fn check(&self, registry: &Registry) -> Result<Graph, Mistakes> {
-        self.check_and(registry, None)
+        self.read(registry, None).map(|(graph, _)| graph)
     }
 
     /// The same, but what checked clean before is taken from the store.
     pub fn check_in(&self, registry: &Registry, store: &Store) -> Result<Graph, Mistakes> {
         match compiled::find(self, registry, store) {
             Some(graph) => Ok(graph),
-            None => self.check_and(registry, Some(store)),
+            None => self.read(registry, Some(store)).map(|(graph, _)| graph),
         }
     }
 
-    fn check_and(&self, registry: &Registry, store: Option<&Store>) -> Result<Graph, Mistakes> {
+    /// The text of one file that is the same graph: what it extends and the overrides are in it.
+    pub fn resolve(&self, registry: &Registry) -> Result<String, Mistakes> {
+        self.read(registry, None).map(|(_, tree)| print::graph(&tree))
+    }
+
+    fn read(&self, registry: &Registry, store: Option<&Store>) -> Result<(Graph, Tree), Mistakes> {
         let mut sources = Vec::new();
         let mut problems = Vec::new();
-        let Some(chain) = chain::read(self, &mut sources, &mut problems) else {
-            return Err(Mistakes::new(sources, problems));
-        };
         let mut compiled = None;
-        let graph = overlay::lay(chain.trees, &mut problems).and_then(|(tree, removed)| {
+        let read = chain::read(self, &mut sources, &mut problems).and_then(|chain| {
+            let (tree, removed) = overlay::lay(chain.trees, &mut problems)?;
             let tree = set::apply(tree, &self.set, &mut sources, &mut problems);
             let file = file::read(&tree, &removed, &mut problems)?;
-            let graph = check::check(&self.name, &file, registry, &mut problems)?;
+            let mut graph = check::check(&self.name, &file, registry, &mut problems)?;
             if store.is_some() && problems.is_empty() {
                 compiled = Some(compiled::write(&file, &graph, &chain.files[1..]));
             }
-            Some(graph)
+            graph.files = chain.files;
+            Some((graph, tree))
         });
         let mistakes = Mistakes::new(sources, problems);
-        match graph {
-            Some(mut graph) if !mistakes.has_errors() => {
+        match read {
+            Some((mut graph, tree)) if !mistakes.has_errors() => {
                 if let (Some(store), Some(bytes)) = (store, compiled) {
                     compiled::keep(self, registry, store, &bytes);
                 }
-                graph.files = chain.files;
                 graph.warnings = mistakes;
-                Ok(graph)
+                Ok((graph, tree))
             }
             _ => Err(mistakes),
         }

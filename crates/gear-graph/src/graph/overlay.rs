@@ -48,6 +48,7 @@ impl Overlay<'_> {
         let mut merged = Map::of(base);
         for (key, tree) in entries {
             match key.value.as_str() {
+                "extends" => {}
                 section @ ("inputs" | "nodes" | "outputs") => {
                     let base = merged.take(section);
                     let tree = self.section(section, base, tree);
@@ -178,7 +179,7 @@ impl Overlay<'_> {
         self.problems.push(
             Problem::error(
                 "nothing-to-remove",
-                format!("the {what} below has {lacks} `{}`", key.value),
+                format!("the {what} that this one changes has {lacks} `{}`", key.value),
                 key.span,
                 "nothing to remove",
             )

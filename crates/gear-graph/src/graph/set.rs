@@ -2,6 +2,7 @@
 //!
 //! They are written into the tree before it is checked, so that they get the same messages as the file.
 
+use super::mistakes::SET;
 use super::{Source, nearest, yaml};
 use crate::{Problem, Span, Spanned, Tree, TreeKind};
 
@@ -10,7 +11,7 @@ pub fn apply(mut tree: Tree, sets: &[String], sources: &mut Vec<Source>, problem
     for set in sets {
         let source = sources.len() as u32;
         sources.push(Source {
-            name: "--set".to_string(),
+            name: SET.to_string(),
             text: set.clone(),
         });
         if let Err(problem) = apply_one(&mut tree, set, source, problems) {

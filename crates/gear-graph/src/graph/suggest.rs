@@ -52,8 +52,27 @@ pub(crate) fn with_article(name: &str) -> String {
 const QUOTE: usize = 60;
 const MESSAGE: usize = 800;
 
-/// Cuts what a message quotes (between backticks) to 60 characters, and the whole of it to a few lines.
+/// Whether a character is shown in its own right. Others could move the cursor, or turn the line around.
+pub(crate) fn shows(c: char) -> bool {
+    c == '\t'
+        || !(c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'))
+}
+
+/// Cuts what a message quotes (between backticks) to 60 characters, and the whole of it to a few lines. What cannot be
+/// shown is written as its number.
 pub(crate) fn clip(message: &mut String) {
+    if message.contains(|c: char| !shows(c)) {
+        let chars = message.chars();
+        *message = chars
+            .map(|c| {
+                if shows(c) {
+                    c.to_string()
+                } else {
+                    c.escape_unicode().to_string()
+                }
+            })
+            .collect();
+    }
     if message.len() <= QUOTE {
         return;
     }
@@ -78,6 +97,13 @@ pub(crate) fn clip(message: &mut String) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_would_move_the_cursor_is_written_as_its_number() {
+        let mut message = "`a\u{1b}[31mb\u{202e}c`".to_string();
+        clip(&mut message);
+        assert_eq!(message, r"`a\u{1b}[31mb\u{202e}c`");
+    }
 
     #[test]
     fn types_have_their_article() {

@@ -7,6 +7,8 @@ use std::fmt;
 
 use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
+use serde_saphyr::Error;
+use serde_saphyr::budget::BudgetBreach;
 use serde_saphyr::options::{DuplicateKeyPolicy, NonFiniteFloatPolicy};
 
 use super::plain;
@@ -125,7 +127,7 @@ pub(super) fn parse_any(text: &str, source: u32, problems: &mut Vec<Problem>) ->
     }
 }
 
-fn problem(error: &serde_saphyr::Error, source: u32, text: &str) -> Problem {
+fn problem(error: &Error, source: u32, text: &str) -> Problem {
     let span = error.location().map_or(
         Span {
             source,
@@ -133,25 +135,60 @@ fn problem(error: &serde_saphyr::Error, source: u32, text: &str) -> Problem {
         },
         |location| span(&location, source, text),
     );
-    let message = error.without_snippet().to_string();
-    let message = message.lines().next().unwrap_or_default();
-    if message.contains("budget") || message.contains("limit") {
-        return Problem::error(
-            "too-large",
-            "the file unfolds to more than can be read",
-            span,
-            "too much here",
-        )
-        .help("aliases (`*name`) that hold aliases multiply; write out what is meant");
+    let error = error.without_snippet();
+    let large = |message: &str, help: &str| Problem::error("too-large", message, span, "too much here").help(help);
+    match error {
+        Error::Budget {
+            breach: BudgetBreach::Depth { .. },
+            ..
+        } => return large("the file is nested too deeply", "a graph needs few levels"),
+        Error::Budget { .. }
+        | Error::AliasReplayCounterOverflow { .. }
+        | Error::AliasReplayLimitExceeded { .. }
+        | Error::AliasExpansionLimitExceeded { .. }
+        | Error::AliasReplayStackDepthExceeded { .. } => {
+            return large(
+                "the file unfolds to more than can be read",
+                "aliases (`*name`) that hold aliases multiply; write out what is meant",
+            );
+        }
+        _ => {}
     }
+    let message = error.to_string();
     // The place is shown; it need not be told as well.
-    let message = message.split(" at line ").next().unwrap_or(message);
+    let message = message.lines().next().and_then(|line| line.split(" at line ").next());
+    let message = message.unwrap_or_default();
+    let found = text.get(span.start as usize..).and_then(|rest| rest.chars().next());
+    let (what, help) = match error {
+        Error::MultipleDocuments { .. } => (
+            "a second document begins",
+            Some("a file holds one graph; remove the line `---` and what follows".to_owned()),
+        ),
+        Error::NullIntoString { .. } | Error::Unexpected { .. } => {
+            ("a key must be a text", Some("write a name before the colon".to_owned()))
+        }
+        Error::UnknownAnchor { .. } => (
+            "there is no anchor of that name",
+            Some("`*name` repeats what `&name` marks further up".to_owned()),
+        ),
+        _ if message.contains("tabs disallowed") => (
+            "a tab stands where the line is indented",
+            Some("indent with spaces".to_owned()),
+        ),
+        _ => (
+            message,
+            found
+                .filter(|found| matches!(found, '@' | '`' | '%'))
+                .map(|found| format!("a text that begins with {found} needs quotes around it")),
+        ),
+    };
     Problem::error(
         "not-yaml",
-        format!("this is not YAML that can be read: {message}"),
+        format!("this is not YAML that can be read: {what}"),
         span,
         "here",
     )
+    .maybe_help(help)
 }
 
 fn place(raw: serde_saphyr::Spanned<Raw>, source: u32, text: &str) -> Tree {

@@ -29,7 +29,14 @@ impl Reader<'_> {
             tree.span,
             format!("expected {expected}"),
         )
-        .maybe_help(yaml_trap(tree, expected).or_else(|| misspelt_word(tree, expected)));
+        .maybe_help(
+            yaml_trap(tree, expected)
+                .or_else(|| misspelt_word(tree, expected))
+                .or_else(|| {
+                    (tree.kind == TreeKind::Null)
+                        .then(|| "write a value, or leave it out where it has a default".to_owned())
+                }),
+        );
         self.report(problem);
     }
 
@@ -113,6 +120,14 @@ pub(crate) fn yaml_trap(tree: &Tree, expected: &str) -> Option<String> {
     }
     let plain = text.replace('_', "");
     let digits = plain.trim_start_matches(['-', '+']).trim_start_matches('0');
+    if let Some((whole, rest)) = text.split_once(',')
+        && let Ok(number) = format!("{whole}.{rest}").parse::<f64>()
+    {
+        return Some(format!("decimals stand behind a point; write `{number}`"));
+    }
+    if text.contains(':') && text.split(':').all(|part| part.parse::<f64>().is_ok()) {
+        return Some("numbers to the base of 60 are texts in YAML 1.2; write one number".to_owned());
+    }
     if digits.chars().all(|c| c.is_ascii_digit() || c == '.') && plain.chars().any(|c| c.is_ascii_digit()) {
         let sign = if plain.starts_with('-') { "-" } else { "" };
         let lead = if digits.is_empty() || digits.starts_with('.') {

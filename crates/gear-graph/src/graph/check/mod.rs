@@ -273,7 +273,14 @@ fn unused(graph: &Graph, file: &File<'_>, problems: &mut Vec<Problem>) {
                     name.span,
                     "never used",
                 )
-                .help("remove it, or make one of the `outputs` depend on it"),
+                .help(if name.span.source == 0 {
+                    "remove it, or make one of the `outputs` depend on it".to_owned()
+                } else {
+                    format!(
+                        "`{}: null` removes it; or make one of the `outputs` depend on it",
+                        name.value
+                    )
+                }),
             );
         }
     }

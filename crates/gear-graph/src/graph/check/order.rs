@@ -6,9 +6,12 @@ use std::collections::{BinaryHeap, HashMap};
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 
-use crate::Problem;
-use crate::graph::file::File;
+use crate::graph::file::{File, FileNode};
 use crate::graph::{Reading, Wire};
+use crate::{Problem, Severity, Span, Spanned};
+
+/// How many wires of a loop are shown in the file; the message names them all, as far as it can be read.
+const SHOWN: usize = 20;
 
 /// All sites in an order of work that keeps to the order of the file where it can, or the loops that prevent one.
 pub(super) fn order(
@@ -89,20 +92,36 @@ fn cycle(file: &File<'_>, dag: &DiGraph<(), ()>, component: &[NodeIndex]) -> Pro
     }
     path[1..].reverse();
     // Only nodes can be in a loop: inputs have no wires into them.
-    let id = |site: &NodeIndex| file.nodes[site.index() - file.inputs.len()].id;
-    let mut names: Vec<_> = path.iter().map(|site| id(site).value.as_str()).collect();
+    let node = |site: &NodeIndex| &file.nodes[site.index() - file.inputs.len()];
+    let mut names: Vec<_> = path.iter().map(|site| node(site).id.value.as_str()).collect();
+    let wires = path.iter().enumerate().map(|(i, site)| {
+        let from = names[(i + path.len() - 1) % path.len()];
+        let reader = &node(site).id;
+        let span = wire(node(site), from).unwrap_or(reader.span);
+        let remark = if reader.value == from {
+            format!("`{from}` reads itself")
+        } else {
+            format!("`{}` reads `{from}`", reader.value)
+        };
+        (span, remark)
+    });
+    let labels = wires.take(SHOWN).collect();
     names.push(names[0]);
-    let mut problem = Problem::error(
-        "cycle",
-        format!("these nodes wait for each other: {}", names.join(" → ")),
-        id(&path[0]).span,
-        "the loop begins here",
-    )
-    .help("a node cannot depend on its own result; remove one of these wires");
-    for (i, site) in path.iter().enumerate().skip(1).take(9) {
-        problem = problem.label(id(site).span, format!("reads `{}`", names[i - 1]));
-    }
-    problem
+    let problem = Problem {
+        code: "cycle",
+        severity: Severity::Error,
+        message: format!("these nodes wait for each other: {}", names.join(" → ")),
+        labels,
+        help: None,
+    };
+    problem.help("a node cannot depend on its own result; remove one of these wires")
+}
+
+/// Where a node reads another one.
+fn wire(node: &FileNode<'_>, from: &str) -> Option<Span> {
+    let mut refs = node.inputs.iter().flat_map(|(_, wiring)| &wiring.refs);
+    let reads = |source: &&Spanned<&str>| source.value.split_once('.').is_some_and(|(id, _)| id == from);
+    refs.find(reads).map(|source| source.span)
 }
 
 /// The wires out of every slot, in the order of the sites that read it.

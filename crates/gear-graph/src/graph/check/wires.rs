@@ -30,18 +30,22 @@ impl Checker<'_, '_> {
                     None if spec.inputs.is_empty() => "it has no input ports".to_string(),
                     None => format!("its input ports are {}", names.collect::<Vec<_>>().join(", ")),
                 };
-                self.problems.push(
-                    Problem::error(
-                        "unknown-port",
-                        format!(
-                            "node `{}` ({}) has no input port `{}`",
-                            node.id.value, spec.name, key.value
-                        ),
-                        key.span,
-                        "unknown port",
-                    )
-                    .help(help),
-                );
+                let mut problem = Problem::error(
+                    "unknown-port",
+                    format!(
+                        "node `{}` ({}) has no input port `{}`",
+                        node.id.value, spec.name, key.value
+                    ),
+                    key.span,
+                    "unknown port",
+                )
+                .help(help);
+                let shown = problem.labels.len();
+                problem = Self::elsewhere(problem, &node.id.value, node.node.as_ref());
+                if problem.labels.len() > shown {
+                    problem = problem.help(format!("`in: {{{}: null}}` there removes the wire", key.value));
+                }
+                self.problems.push(problem);
             }
             // References are resolved also where the port is unknown, to report all that is wrong with them.
             for source in &wiring.refs {
@@ -114,20 +118,25 @@ impl Checker<'_, '_> {
             }
         };
         if found != port.value_type {
-            self.problems.push(
-                Problem::error(
-                    "wrong-port-type",
-                    format!(
-                        "{what} takes {}, but `{}` is {}",
-                        with_article(port.value_type.name),
-                        source.value,
-                        with_article(found.name)
-                    ),
-                    source.span,
-                    format!("expected {}, found {}", port.value_type.name, found.name),
-                )
-                .maybe_help(self.sources_of(port.value_type.name)),
-            );
+            let problem = Problem::error(
+                "wrong-port-type",
+                format!(
+                    "{what} takes {}, but `{}` is {}",
+                    with_article(port.value_type.name),
+                    source.value,
+                    with_article(found.name)
+                ),
+                source.span,
+                format!("expected {}, found {}", port.value_type.name, found.name),
+            )
+            .maybe_help(self.sources_of(port.value_type.name));
+            let id = source.value.split('.').next().unwrap_or_default();
+            let said = match (self.names.nodes.get(id), self.names.inputs.get(id)) {
+                (Some(node), _) => self.file.nodes[*node as usize].node.as_ref(),
+                (_, Some(input)) => self.file.inputs[*input as usize].type_name.as_ref(),
+                _ => None,
+            };
+            self.problems.push(Self::elsewhere(problem, id, said));
             return false;
         }
         if optional && !port.optional {
@@ -143,6 +152,16 @@ impl Checker<'_, '_> {
             return false;
         }
         true
+    }
+
+    /// Shows as well where the type of `name` is said, if a graph says so over the one in which the mistake shows.
+    fn elsewhere(problem: Problem, name: &str, said: Option<&Spanned<&str>>) -> Problem {
+        match (said, problem.labels.first()) {
+            (Some(said), Some((main, _))) if said.span.source < main.source => {
+                problem.label(said.span, format!("the type of `{name}` is said here"))
+            }
+            _ => problem,
+        }
     }
 
     /// Some sources in the file that have the type, for help.
@@ -186,15 +205,15 @@ impl Checker<'_, '_> {
             Some(name) => format!("did you mean `{id}.{name}`?"),
             None => format!("its outputs are {}", names.collect::<Vec<_>>().join(", ")),
         };
-        self.problems.push(
-            Problem::error(
-                "unknown-port",
-                format!("node `{id}` ({}) has no output `{port}`", spec.name),
-                source.span,
-                "unknown output",
-            )
-            .help(help),
-        );
+        let problem = Problem::error(
+            "unknown-output",
+            format!("node `{id}` ({}) has no output `{port}`", spec.name),
+            source.span,
+            "unknown output",
+        )
+        .help(help);
+        let problem = Self::elsewhere(problem, id, self.file.nodes[*node as usize].node.as_ref());
+        self.problems.push(problem);
         None
     }
 

@@ -1,217 +1,60 @@
 //! One message for every cause, word for word; and what a good file becomes.
 
+mod causes;
 mod overlays;
+mod positions;
+mod schema;
 
-use crate::run::tests::kit::*;
+use std::sync::Arc;
+
+use crate::run::tests::kit::{self, FloorIn, FloorOut};
 use crate::*;
 
-fn mistakes(text: &str) -> String {
-    mistakes_set(text, &[])
+/// Must be told its size.
+#[derive(Clone, Debug, Params)]
+struct Sized {
+    /// The size.
+    #[param(range = 1..=100, unit = "px")]
+    size: u32,
+    /// A rectangle, or none.
+    r#box: Option<[f64; 4]>,
 }
 
-fn mistakes_set(text: &str, set: &[&str]) -> String {
-    let mut source = GraphSource::new("graph.yaml", text);
-    source.set = set.iter().map(ToString::to_string).collect();
-    match source.check(&registry()) {
-        Ok(graph) => graph.warnings().render(false),
-        Err(mistakes) => {
-            assert!(mistakes.has_errors());
-            mistakes.render(false)
-        }
+impl Node for Sized {
+    const NAME: &str = "Sized";
+    const VERSION: u32 = 1;
+    type Inputs = FloorIn;
+    type Outputs = FloorOut;
+
+    fn run(&self, inputs: FloorIn, _: &Want, _: &Context) -> Result<FloorOut, NodeError> {
+        let x = Number(inputs.x.0 + f64::from(self.size));
+        Ok(FloorOut {
+            whole: Wanted::value(Arc::new(x)),
+            rest: Wanted::skipped(),
+            large: Wanted::skipped(),
+        })
     }
 }
 
-/// A snapshot of the messages for one body of a graph file that is fine but for what is tested.
-macro_rules! says {
-    ($($name:ident: $text:expr;)*) => {$(
-        #[test]
-        fn $name() {
-            insta::assert_snapshot!(mistakes($text));
-        }
-    )*};
+fn registry() -> Registry {
+    let mut registry = kit::registry();
+    registry.node::<Sized>();
+    registry
 }
 
-says! {
-    unknown_node_type: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Adder, in: {of: x}}
-  b: {node: Blur, in: {of: x}}
-outputs: {y: a.sum, z: b.sum}
-";
-    unknown_input_port: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Choose, in: {a: x, bb: x, q: x}, with: {when: never}}
-outputs: {y: a.chosen}
-";
-    unknown_output_port: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Add, in: {of: x}}
-  b: {node: Add, in: {of: a.som}}
-outputs: {y: b.total}
-";
-    unknown_source: "gear: 1
-inputs: {painting: Number}
-nodes:
-  first: {node: Add, in: {of: panting}}
-  second: {node: Add, in: {of: frist.sum}}
-  third: {node: Add, in: {of: second}}
-  fourth: {node: Add, in: {of: painting.sum}}
-outputs: {y: third.sum, z: fourth.sum, w: nowhere.at_all}
-";
-    unknown_parameter: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Add, in: {of: x}, with: {pluss: 1}}
-  b: {node: Floor, in: {x: a.sum}, with: {anything: 1}}
-outputs: {y: b.whole}
-";
-    unknown_key: "gear: 1
-input: {x: Number}
-inputs: {x: {type: Number, optonal: true}}
-nodes:
-  a: {type: Add, node: Add, in: {of: x}, wiht: {plus: 1}}
-outputs: {y: a.sum}
-";
-    wrong_port_type: "gear: 1
-inputs: {x: Number, r: Report}
-nodes:
-  a: {node: Measure, in: {report: x}}
-  b: {node: Floor, in: {x: [x, x]}}
-outputs: {y: a.length, z: b.whole}
-";
-    missing_input: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Choose, in: {a: x}}
-outputs: {y: a.chosen}
-";
-    optional_into_required: "gear: 1
-inputs: {x: {type: Number, optional: true}}
-nodes:
-  a: {node: Floor, in: {x: x}}
-outputs: {y: a.whole}
-";
-    unused_is_a_warning: "gear: 1
-inputs: {x: Number, spare: Number}
-nodes:
-  a: {node: Add, in: {of: x}}
-  b: {node: Add, in: {of: a.sum}}
-outputs: {y: a.sum}
-";
-    cycle: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Add, in: {of: [x, c.sum]}}
-  b: {node: Add, in: {of: a.sum}}
-  c: {node: Add, in: {of: b.sum}}
-  alone: {node: Add, in: {of: alone.sum}}
-outputs: {y: c.sum, z: alone.sum}
-";
-    wrong_parameter_type: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Add, in: {of: x}, with: {plus: much}}
-  b: {node: Choose, in: {a: x, b: x}, with: {when: [never]}}
-  c: {node: Add, in: {of: x}, with: 3}
-outputs: {y: a.sum, z: b.chosen, w: c.sum}
-";
-    parameter_out_of_range: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Ranged, in: {x: x}, with: {share: 1.5, count: -1, list: [0, 200, .inf], auto: 3}}
-  b: {node: Ranged, in: {x: x}, with: {share: .nan, low: 2}}
-outputs: {y: a.whole, z: b.whole}
-";
-    unknown_choice: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Choose, in: {a: x, b: x}, with: {when: nevr}}
-  b: {node: Choose, in: {a: x, b: x}, with: {when: {above: {treshold: 1}}}}
-outputs: {y: a.chosen, z: b.chosen}
-";
-    duplicate_key: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Add, in: {of: x}}
-  a: {node: Add, in: {of: x}, with: {plus: 1, plus: 2}}
-outputs: {y: a.sum}
-";
-    version_too_new: "inputs: {x: Number, x: Number, y: Strange}
-nodes: {a: {node: New, over: there}}
-gear: 2
-";
-    words_and_empty_maps: "gear: 1
-inputs: {x: Number}
-nodes:
-  a: {node: Ranged, in: {x: x}, with: {auto: Auto, share: {}, list: {}}}
-outputs: {y: a.whole}
-";
-    missing_version_and_outputs: "inputs: {x: Number}
-nodes: {a: {node: Add, in: {of: x}}}
-";
-    yaml_1_1_traps: "gear: 1
-inputs: {x: {type: Number, optional: no}}
-nodes:
-  a: {node: Add, in: {of: x}, with: {plus: 012}}
-  b: {node: Add, in: {of: x}, with: {plus: 1_000}}
-  c: {node: Add, in: {of: x}, with: {plus: '3'}}
-  d: {node: Ranged, in: {x: x}, with: {flag: yes}}
-outputs: {y: a.sum, z: b.sum, w: c.sum, v: d.whole}
-";
-    not_yaml: "gear: 1
-inputs: {x: Number
-nodes: ]
-";
-    not_a_map: "- gear
-- 1
-";
-    alias_bomb: "gear: 1
-inputs:
-  a: &a [x, x, x, x, x, x, x, x, x, x]
-  b: &b [*a, *a, *a, *a, *a, *a, *a, *a, *a, *a]
-  c: &c [*b, *b, *b, *b, *b, *b, *b, *b, *b, *b]
-  d: &d [*c, *c, *c, *c, *c, *c, *c, *c, *c, *c]
-  e: &e [*d, *d, *d, *d, *d, *d, *d, *d, *d, *d]
-  f: &f [*e, *e, *e, *e, *e, *e, *e, *e, *e, *e]
-  g: &g [*f, *f, *f, *f, *f, *f, *f, *f, *f, *f]
-";
-    names: "gear: 1
-inputs: {x: Number, 1st: Number}
-nodes:
-  x: {node: Add, in: {of: x}}
-  a.b: {node: Add, in: {of: x}}
-outputs: {y: x.sum}
-";
-    output_names: "gear: 1
-inputs: {x: Number, _x: Number}
-nodes:
-  a: {node: Add, in: {of: [x, _x]}}
-outputs:
-  ../../evil: a.sum
-  /tmp/evil: a.sum
-  '': a.sum
-  report: a.sum
-  Run: a.sum
-  sum: a.sum
-  Sum: a.sum
-";
-    input_types: "gear: 1
-inputs: {x: Numbr, y: {optional: true}, z: {type: Number, with: {scal: 2}}, r: {type: Report, with: {size: 2}}}
-nodes: {a: {node: Add, in: {of: [x, y, z]}}}
-outputs: {y: a.sum}
-";
-    everything_in_one_pass: "gear: 1
-inputs: {x: Nummer}
-nodes:
-  a: {node: Ad, in: {of: x}}
-  b: {node: Add, in: {off: x}, with: {plus: lots}}
-  c: {node: Add, in: {of: d.sum}}
-  d: {node: Add, in: {of: c.sum}}
-outputs: {y: b.summ}
-";
+fn mistakes(text: &str) -> Mistakes {
+    mistakes_of(&GraphSource::new("graph.yaml", text))
+}
+
+/// Errors, or else warnings.
+fn mistakes_of(source: &GraphSource) -> Mistakes {
+    match source.check(&registry()) {
+        Ok(graph) => graph.warnings().clone(),
+        Err(mistakes) => {
+            assert!(mistakes.has_errors());
+            mistakes
+        }
+    }
 }
 
 #[test]
@@ -223,19 +66,19 @@ nodes:
   c: {node: Choose, in: {a: x, b: x}}
 outputs: {y: a.sum, z: c.chosen}
 ";
-    insta::assert_snapshot!(mistakes_set(
-        text,
-        &[
-            "a.pluss=1",
-            "a.plus=much",
-            "b.plus=1",
-            "xx.scale=2",
-            "a.plus",
-            "plus=1",
-            "x.scale=[",
-            "c.when.above.treshold=3",
-        ]
-    ));
+    let set = [
+        "a.pluss=1",
+        "a.plus=much",
+        "b.plus=1",
+        "xx.scale=2",
+        "a.plus",
+        "plus=1",
+        "x.scale=[",
+        "c.when.above.treshold=3",
+    ];
+    let mut source = GraphSource::new("graph.yaml", text);
+    source.set = set.map(String::from).to_vec();
+    insta::assert_snapshot!(mistakes_of(&source));
 }
 
 #[test]
@@ -292,7 +135,7 @@ fn a_huge_text_is_not_told_back() {
         format!("{{gear: 1, inputs: {{{word}: Number}}}}"),
         format!("gear: [{word}"),
     ] {
-        let said = mistakes(&text);
+        let said = mistakes(&text).to_string();
         assert!(said.len() < 8_000, "{} bytes", said.len());
         assert!(said.contains('…'), "{said}");
     }

@@ -2,9 +2,9 @@
 
 use serde_json::json;
 
+use super::*;
 use crate::graph::Library;
-use crate::run::tests::kit::*;
-use crate::*;
+use crate::run::tests::kit::Shelf;
 
 const BASE: &str = "gear: 1
 inputs:
@@ -216,4 +216,203 @@ fn long_chains_do_not_exhaust_anything() {
         .check(&registry())
         .unwrap();
     assert_eq!(params(&graph, "first"), json!({"plus": 2999.0}));
+}
+
+/// Files that are wrong together; the first one is checked.
+pub const MISTAKES: &[&[(&str, &str)]] = &[
+    // A parameter, a wire and a port of the overlay are wrong, and so is a line of its base.
+    &[
+        (
+            "over.yaml",
+            "gear: 1
+extends: base.yaml
+nodes:
+  first: {with: {plus: lots, minus: 1}, in: {off: x}}
+  ranged: {with: {share: 2}}
+outputs: {chosen: choose.chosn}
+",
+        ),
+        (
+            "base.yaml",
+            "gear: 1
+inputs: {x: Number}
+nodes:
+  first:  {node: Add, in: {of: x}}
+  choose: {node: Choose, in: {a: first.sum, b: x}}
+  ranged: {node: Ranged, in: {x: choose.chosen}, with: {count: none, list: [1, 2]}}
+outputs: {chosen: choose.chosen, whole: ranged.whole}
+",
+        ),
+    ],
+    // What is removed is read, in the base and in the overlay.
+    &[
+        (
+            "over.yaml",
+            "gear: 1
+extends: base.yaml
+nodes:
+  first: null
+outputs: {sum: first.sum}
+",
+        ),
+        ("base.yaml", BASE),
+    ],
+    // Nothing stands where something is to be removed.
+    &[
+        (
+            "over.yaml",
+            "gear: 1
+extends: base.yaml
+inputs: {z: null}
+nodes:
+  frist: null
+  first: {with: {minus: null}, in: {off: null}}
+  choose: {in: {d: null}}
+outputs: {hole: null}
+",
+        ),
+        ("base.yaml", BASE),
+    ],
+    // Another type has other ports.
+    &[
+        (
+            "over.yaml",
+            "gear: 1
+extends: base.yaml
+nodes:
+  first: {node: Measure}
+  choose: {node: Floor}
+",
+        ),
+        ("base.yaml", BASE),
+    ],
+    // A value of another type comes out of a port of the same name.
+    &[
+        (
+            "over.yaml",
+            "gear: 1
+extends: base.yaml
+inputs: {x: Report}
+",
+        ),
+        ("base.yaml", BASE),
+    ],
+    // A loop through both files.
+    &[
+        (
+            "over.yaml",
+            "gear: 1
+extends: base.yaml
+nodes:
+  first: {in: {of: [x, ranged.whole]}}
+",
+        ),
+        ("base.yaml", BASE),
+    ],
+    // What the overlay leaves unused.
+    &[
+        (
+            "over.yaml",
+            "gear: 1
+extends: base.yaml
+nodes:
+  spare: {node: Floor, in: {x: x}}
+outputs: {whole: null}
+",
+        ),
+        ("base.yaml", BASE),
+    ],
+    // No such file; a ring of files; a file that is no YAML; one of a version to come; one that is no graph.
+    &[("over.yaml", "{gear: 1, extends: bsae.yaml}"), ("base.yaml", BASE)],
+    &[("over.yaml", "{gear: 1, extends: '@baze'}"), ("base.yaml", BASE)],
+    &[
+        ("over.yaml", "gear: 1\nextends: middle.yaml\n"),
+        ("middle.yaml", "extends: base.yaml\ngear: 1\n"),
+        ("base.yaml", "gear: 1\n\nextends: ./middle.yaml\n"),
+    ],
+    &[
+        ("over.yaml", "{gear: 1, extends: base.yaml}"),
+        ("base.yaml", "{gear: 1"),
+    ],
+    &[
+        ("over.yaml", "{gear: 1, extends: base.yaml}"),
+        ("base.yaml", "{gear: 2}"),
+    ],
+    &[("over.yaml", "{extends: base.yaml, nodes: []}"), ("base.yaml", "[]")],
+    &[("over.yaml", "{gear: 1, extends: [base.yaml]}")],
+];
+
+/// What is wrong with these files. They are held by the library, so that the messages hold no folder.
+pub fn mistakes(files: &[(&'static str, &'static str)]) -> Mistakes {
+    let name = |file: &'static str| file.trim_end_matches(".yaml");
+    let library = Library::holding(files.iter().map(|(file, text)| (name(file), *text)));
+    let source = GraphSource::open(format!("@{}", name(files[0].0)), &library).unwrap();
+    mistakes_of(&source)
+}
+
+#[test]
+fn mistakes_point_into_the_file_where_they_stand() {
+    let said: Vec<_> = MISTAKES.iter().map(|files| mistakes(files).to_string()).collect();
+    insta::assert_snapshot!(said.join("\n--------\n\n"));
+}
+
+#[test]
+fn mistakes_for_editors_name_their_file() {
+    let json = mistakes(MISTAKES[0]).to_json();
+    let files: Vec<_> = json
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|mistake| &mistake["file"])
+        .collect();
+    assert!(
+        files.contains(&&json!("@over")) && files.contains(&&json!("@base")),
+        "{files:?}"
+    );
+}
+
+#[test]
+fn what_is_resolved_is_the_same_graph_with_the_same_keys() {
+    let overlay = "gear: 1
+extends: '@base'
+inputs: {y: null}
+nodes:
+  first: {in: {of: x}, with: {plus: 5}}
+  choose: {with: {when: {above: {threshold: 3}}}}
+  ranged: {with: {list: null}}
+  more: {node: Floor, in: {x: choose.twice}}
+outputs: {whole: null, more: more.rest}
+";
+    let mut source = GraphSource::open("@top", &library(&[("base", BASE), ("top", overlay)])).unwrap();
+    source.set = vec!["ranged.share=0.5".into()];
+    let text = source.resolve(&registry()).unwrap();
+    insta::assert_snapshot!("resolved", text);
+
+    let run = |graph: &Graph, store: &Arc<Store>| {
+        let outcome = Run::new(graph)
+            .input("x", Input::Value(AnyValue::new(Number(7.25))))
+            .store(Arc::clone(store))
+            .go()
+            .unwrap();
+        let mut keys: Vec<String> = outcome
+            .report
+            .nodes
+            .iter()
+            .flat_map(|node| {
+                node.outputs
+                    .iter()
+                    .map(|port| format!("{} {} {:?}", node.id, port.port, port.key))
+            })
+            .collect();
+        keys.sort();
+        (keys, outcome.report.ran().len())
+    };
+    let shelf = Shelf::new();
+    let store = shelf.open();
+    let overlaid = source.check(&registry()).unwrap();
+    let resolved = GraphSource::new("resolved.yaml", text).check(&registry()).unwrap();
+    assert!(resolved.warnings().problems().len() == overlaid.warnings().problems().len());
+    let (cold, ran) = run(&overlaid, &store);
+    assert!(ran > 0 && !cold.is_empty());
+    assert_eq!(run(&resolved, &store), (cold, 0));
 }
