@@ -169,7 +169,10 @@ fn every_node_type_of_the_shipped_graphs_is_pinned() {
     let registry = gear_cli::registry();
     let mut missing = Vec::new();
     for shipped in gear_cli::shipped() {
-        let graph = GraphSource::new(shipped.name, shipped.text).check(&registry).unwrap();
+        let graph = GraphSource::open(format!("@{}", shipped.name), &gear_cli::library())
+            .unwrap()
+            .check(&registry)
+            .unwrap();
         let names = graph.nodes().iter().map(|node| node.spec.name);
         missing.extend(names.filter(|name| !pinned.iter().any(|pin| pin.behaviour.starts_with(&format!("{name} ")))));
     }

@@ -38,7 +38,7 @@ mod registry;
 mod sizes;
 mod words;
 
-pub use graphs::{Shipped, shipped};
+pub use graphs::{Shipped, library, shipped};
 pub use registry::registry;
 
 use std::process::ExitCode;
