@@ -254,7 +254,7 @@ pub fn logit(opacity: f32) -> f32 {
     (libm::log(p / (1.0 - p)) as f32).clamp(-16.0, 16.0)
 }
 
-fn ln(x: f32) -> f32 {
+pub(crate) fn ln(x: f32) -> f32 {
     libm::log(f64::from(x.max(f32::MIN_POSITIVE))) as f32
 }
 

@@ -1,51 +1,21 @@
 //! 3DGS PLY: what the reference implementation writes and every splat viewer reads.
 //!
-//! Properties in standard order, all `float`: x y z nx ny nz f_dc_0…2 f_rest_0… opacity scale_0…2 rot_0…3.
+//! Written properties are in standard order, all `float`: x y z nx ny nz f_dc_0…2 f_rest_0… opacity scale_0…2 rot_0…3.
 //! Opacities are logits, scales natural logarithms, rotations (w, x, y, z); `f_rest` is channel-major with 0, 9, 24 or 45
 //! entries; normals are written as zeros, as the reference implementation does. The canonical camera is a comment line,
-//! `comment gear canonical_camera {json}`, which other readers skip. Reading finds properties by name, in any order and
-//! of any scalar type, little endian or ASCII, with or without normals and `f_rest`; further properties and elements
-//! after the vertices are ignored.
+//! `comment gear canonical_camera {json}`, which other readers skip. Nothing is lost: what is written is read back bit for
+//! bit.
+//!
+//! Reading finds properties by name, in any order and of any scalar type, ASCII or binary of either byte order, with or
+//! without normals and `f_rest` (TRELLIS writes normals and no `f_rest`, LGM neither); further properties and elements are
+//! ignored. A property of type `double` is rounded to f32.
 
 use glam::{Quat, Vec3};
 
-use crate::{Camera, Scene, SceneError, sh};
+use crate::{Scene, sh};
 
-/// Starts the comment line that holds the canonical camera.
-const CAMERA: &str = "gear canonical_camera ";
-/// A header longer than this is none.
-const HEADER_MAX: usize = 1 << 20;
-
-/// Why a PLY file could not be written or read.
-#[derive(Debug, thiserror::Error)]
-pub enum PlyError {
-    /// The header is not one of a PLY file.
-    #[error("not a PLY file: {0}")]
-    Header(String),
-    /// The header lacks a property of 3DGS.
-    #[error("no property `{0}` in the vertices; this PLY file is not a Gaussian scene in the 3DGS layout")]
-    MissingProperty(String),
-    /// `f_rest` has a length that no SH degree has.
-    #[error("found {0} f_rest properties; expected 0, 9, 24 or 45 (SH degree 0 to 3)")]
-    RestCount(usize),
-    /// The data end early, or ASCII numbers cannot be read.
-    #[error("{0}")]
-    Data(String),
-    /// The scene cannot be written.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// The canonical camera has no meaning.
-    #[error("the canonical camera has numbers that are not finite, or no pixels")]
-    Camera,
-}
-
-fn data(message: impl Into<String>) -> PlyError {
-    PlyError::Data(message.into())
-}
-
-fn header(message: impl Into<String>) -> PlyError {
-    PlyError::Header(message.into())
-}
+use super::ply_header::{self, Body, CAMERA, Element};
+use super::{Format, FormatError, check_count};
 
 /// Property names in standard order.
 fn property_names(sh_degree: u8) -> Vec<String> {
@@ -59,15 +29,15 @@ fn property_names(sh_degree: u8) -> Vec<String> {
 }
 
 /// Writes a scene.
-pub fn write(scene: &Scene) -> Result<Vec<u8>, PlyError> {
+pub fn write(scene: &Scene) -> Result<Vec<u8>, FormatError> {
     scene.validate()?;
     let names = property_names(scene.sh_degree);
     let mut head = String::from("ply\nformat binary_little_endian 1.0\n");
     if let Some(camera) = &scene.canonical_camera {
         if !camera.is_valid() {
-            return Err(PlyError::Camera);
+            return Err(FormatError::Camera);
         }
-        let json = serde_json::to_string(camera).map_err(|_| PlyError::Camera)?;
+        let json = serde_json::to_string(camera).map_err(|_| FormatError::Camera)?;
         head.push_str(&format!("comment {CAMERA}{json}\n"));
     }
     head.push_str(&format!("element vertex {}\n", scene.len()));
@@ -92,209 +62,33 @@ pub fn write(scene: &Scene) -> Result<Vec<u8>, PlyError> {
     Ok(out)
 }
 
-/// Scalar types of PLY.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Scalar {
-    fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// Reads from the start of `bytes`, which holds at least [`Scalar::size`].
-    fn read(self, bytes: &[u8]) -> f32 {
-        fn take<const N: usize>(bytes: &[u8]) -> [u8; N] {
-            std::array::from_fn(|i| bytes[i])
-        }
-        match self {
-            Self::I8 => f32::from(bytes[0] as i8),
-            Self::U8 => f32::from(bytes[0]),
-            Self::I16 => f32::from(i16::from_le_bytes(take(bytes))),
-            Self::U16 => f32::from(u16::from_le_bytes(take(bytes))),
-            Self::I32 => i32::from_le_bytes(take(bytes)) as f32,
-            Self::U32 => u32::from_le_bytes(take(bytes)) as f32,
-            Self::F32 => f32::from_le_bytes(take(bytes)),
-            Self::F64 => f64::from_le_bytes(take(bytes)) as f32,
-        }
-    }
-}
-
-/// What a header says.
-#[derive(Debug)]
-struct Layout {
-    ascii: bool,
-    count: usize,
-    properties: Vec<(String, Scalar)>,
-    camera: Option<Camera>,
-    /// Where the data start.
-    body: usize,
-}
-
 /// Reads a scene.
-pub fn read(bytes: &[u8]) -> Result<Scene, PlyError> {
-    let layout = parse_header(bytes)?;
-    let body = &bytes[layout.body..];
-    let columns = Columns::find(&layout.properties)?;
+pub fn read(bytes: &[u8]) -> Result<Scene, FormatError> {
+    let header = ply_header::parse(bytes)?;
+    let vertices = header
+        .element("vertex")
+        .ok_or_else(|| ply_header::error("no `element vertex`"))?;
+    if vertices.lists {
+        return Err(ply_header::list_in("vertex"));
+    }
+    let columns = Columns::find(vertices)?;
     let mut scene = Scene {
         sh_degree: columns.sh_degree,
-        canonical_camera: layout.camera,
+        canonical_camera: header.camera,
         ..Scene::default()
     };
-    // Each vertex takes at least this much, so a false count cannot reserve memory that the file does not back.
-    let least = if layout.ascii {
-        2 * layout.properties.len()
-    } else {
-        layout.properties.iter().map(|p| p.1.size()).sum()
-    };
-    // The last ASCII number needs no separator after it.
-    let held = (body.len() + usize::from(layout.ascii)) / least.max(1);
-    if layout.count > held {
-        return Err(data(format!(
-            "the header promises {} vertices, the file has room for {held}; it is truncated",
-            layout.count
-        )));
-    }
-    scene.centers.reserve_exact(layout.count);
-    let mut row = vec![0.0f32; layout.properties.len()];
-    if layout.ascii {
-        let text = std::str::from_utf8(body).map_err(|_| data("the ASCII data are not text"))?;
-        let mut numbers = text.split_ascii_whitespace();
-        for vertex in 0..layout.count {
-            for (value, (name, _)) in row.iter_mut().zip(&layout.properties) {
-                let word = numbers
-                    .next()
-                    .ok_or_else(|| data(format!("the data end in vertex {vertex}, before {name}")))?;
-                *value = word
-                    .parse()
-                    .map_err(|_| data(format!("vertex {vertex}: expected a number for {name}, found `{word}`")))?;
-            }
-            columns.push(&row, &mut scene);
+    let mut body = Body::new(bytes, &header, Format::Ply)?;
+    for element in &header.elements {
+        if element.name == "vertex" {
+            let count = body.count(element, "vertices")?;
+            check_count(count as u64, Format::Ply)?;
+            scene.centers.reserve_exact(count);
+            body.rows(element, "vertices", |row| columns.push(row, &mut scene))?;
+            break;
         }
-    } else {
-        for vertex in body.chunks_exact(least.max(1)).take(layout.count) {
-            let mut at = 0;
-            for (value, (_, scalar)) in row.iter_mut().zip(&layout.properties) {
-                *value = scalar.read(&vertex[at..]);
-                at += scalar.size();
-            }
-            columns.push(&row, &mut scene);
-        }
+        body.rows(element, "rows of another element", |_| {})?;
     }
     Ok(scene)
-}
-
-fn parse_header(bytes: &[u8]) -> Result<Layout, PlyError> {
-    let mut at = 0;
-    let mut line = || -> Result<(&str, usize), PlyError> {
-        let rest = &bytes[at..bytes.len().min(at.max(HEADER_MAX))];
-        let end = rest
-            .iter()
-            .position(|&b| b == b'\n')
-            .ok_or_else(|| header("the header has no `end_header` line"))?;
-        at += end + 1;
-        let text = std::str::from_utf8(&rest[..end]).map_err(|_| header("the header is not text"))?;
-        Ok((text.trim_end_matches('\r'), at))
-    };
-    if !bytes.starts_with(b"ply\n") && !bytes.starts_with(b"ply\r\n") {
-        return Err(header("it does not start with the line `ply`"));
-    }
-    line()?;
-    let mut ascii = None;
-    let mut count = None;
-    let mut inside_vertex = false;
-    let mut properties: Vec<(String, Scalar)> = Vec::new();
-    let mut camera = None;
-    loop {
-        let (text, body) = line()?;
-        let words: Vec<&str> = text.split_ascii_whitespace().collect();
-        match words.as_slice() {
-            ["end_header"] => {
-                return Ok(Layout {
-                    ascii: ascii.ok_or_else(|| header("no `format` line"))?,
-                    count: count.ok_or_else(|| header("no `element vertex`"))?,
-                    properties,
-                    camera,
-                    body,
-                });
-            }
-            ["format", "binary_little_endian", _] => ascii = Some(false),
-            ["format", "ascii", _] => ascii = Some(true),
-            ["format", other, ..] => {
-                return Err(header(format!(
-                    "format `{other}`; expected `binary_little_endian` or `ascii`"
-                )));
-            }
-            ["comment", ..] => {
-                let comment = text
-                    .trim_start()
-                    .strip_prefix("comment")
-                    .unwrap_or_default()
-                    .trim_start();
-                if let Some(json) = comment.strip_prefix(CAMERA) {
-                    let read: Camera = serde_json::from_str(json)
-                        .map_err(|e| header(format!("the comment with the canonical camera: {e}")))?;
-                    if !read.is_valid() {
-                        return Err(PlyError::Camera);
-                    }
-                    camera = Some(read);
-                }
-            }
-            ["element", "vertex", n] => {
-                let n = n.parse().map_err(|_| header(format!("vertex count `{n}`")))?;
-                if count.replace(n).is_some() {
-                    return Err(header("two `element vertex` lines"));
-                }
-                inside_vertex = true;
-            }
-            ["element", name, n] => {
-                if count.is_none() && *n != "0" {
-                    return Err(header(format!("element `{name}` before the vertices is not supported")));
-                }
-                inside_vertex = false;
-            }
-            ["property", kind, name] if inside_vertex => {
-                let scalar = Scalar::named(kind).ok_or_else(|| header(format!("property type `{kind}`")))?;
-                if properties.iter().any(|p| p.0 == *name) {
-                    return Err(header(format!("property `{name}` twice")));
-                }
-                properties.push(((*name).into(), scalar));
-            }
-            ["property", "list", ..] if inside_vertex => {
-                return Err(header("a list property in the vertices; a Gaussian scene has none"));
-            }
-            ["property", ..] if !inside_vertex => {}
-            ["obj_info", ..] | [] => {}
-            _ => return Err(header(format!("header line `{text}`"))),
-        }
-    }
 }
 
 /// Where each attribute stands in a row.
@@ -309,15 +103,17 @@ struct Columns {
 }
 
 impl Columns {
-    fn find(properties: &[(String, Scalar)]) -> Result<Self, PlyError> {
+    fn find(vertices: &Element) -> Result<Self, FormatError> {
         let find = |name: String| {
-            let at = properties.iter().position(|p| p.0 == name);
-            at.ok_or(PlyError::MissingProperty(name))
+            vertices.find(&name).ok_or_else(|| FormatError::MissingProperty {
+                missing: name,
+                found: vertices.listed(),
+            })
         };
         fn all<const N: usize>(
             names: [String; N],
-            find: impl Fn(String) -> Result<usize, PlyError>,
-        ) -> Result<[usize; N], PlyError> {
+            find: impl Fn(String) -> Result<usize, FormatError>,
+        ) -> Result<[usize; N], FormatError> {
             let mut columns = [0; N];
             for (column, name) in columns.iter_mut().zip(names) {
                 *column = find(name)?;
@@ -325,10 +121,14 @@ impl Columns {
             Ok(columns)
         }
         let numbered = |name: &str, i: usize| format!("{name}_{i}");
-        let count = properties.iter().filter(|p| p.0.starts_with("f_rest_")).count();
+        let count = vertices
+            .properties
+            .iter()
+            .filter(|p| p.0.starts_with("f_rest_"))
+            .count();
         let sh_degree = (0..=sh::MAX_DEGREE)
             .find(|&degree| sh::rest_count(degree) == count)
-            .ok_or(PlyError::RestCount(count))?;
+            .ok_or(FormatError::RestCount(count))?;
         Ok(Self {
             center: all(["x", "y", "z"].map(String::from), find)?,
             dc: all([0, 1, 2].map(|i| numbered("f_dc", i)), find)?,
@@ -342,20 +142,22 @@ impl Columns {
         })
     }
 
-    fn push(&self, row: &[f32], scene: &mut Scene) {
-        scene.centers.push(Vec3::from(self.center.map(|at| row[at])));
-        scene.log_scales.push(Vec3::from(self.scale.map(|at| row[at])));
-        let [w, x, y, z] = self.rotation.map(|at| row[at]);
+    fn push(&self, row: &[f64], scene: &mut Scene) {
+        let at = |column: usize| row[column] as f32;
+        scene.centers.push(Vec3::from(self.center.map(at)));
+        scene.log_scales.push(Vec3::from(self.scale.map(at)));
+        let [w, x, y, z] = self.rotation.map(at);
         scene.rotations.push(Quat::from_xyzw(x, y, z, w));
-        scene.opacity_logits.push(row[self.opacity]);
-        scene.sh_dc.push(self.dc.map(|at| row[at]));
-        scene.sh_rest.extend(self.rest.iter().map(|&at| row[at]));
+        scene.opacity_logits.push(at(self.opacity));
+        scene.sh_dc.push(self.dc.map(at));
+        scene.sh_rest.extend(self.rest.iter().map(|&column| at(column)));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Camera;
     use crate::scene::tests::one;
     use proptest::prelude::*;
 
@@ -423,6 +225,64 @@ mod tests {
         assert_eq!(scene.count_invalid(), 1);
     }
 
+    /// The layout of a PLY file as a generator writes it, all `float`, in the byte order asked for.
+    fn by_hand(names: &str, rows: &[&[f32]], big: bool) -> Vec<u8> {
+        let order = if big { "big" } else { "little" };
+        let mut bytes = format!("ply\nformat binary_{order}_endian 1.0\nelement vertex {}\n", rows.len()).into_bytes();
+        for name in names.split(' ') {
+            bytes.extend(format!("property float {name}\n").bytes());
+        }
+        bytes.extend(b"end_header\n");
+        for value in rows.concat() {
+            bytes.extend(if big { value.to_be_bytes() } else { value.to_le_bytes() });
+        }
+        bytes
+    }
+
+    #[test]
+    fn the_layouts_of_trellis_and_lgm_are_read() {
+        // TRELLIS: trellis/representations/gaussian/gaussian_model.py, construct_list_of_attributes, without f_rest.
+        let trellis = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+        let row = [
+            1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 4.0, -1.0, -2.0, -3.0, 0.5, 0.5, -0.5, 0.5,
+        ];
+        // LGM: core/gs.py, save_ply: no normals either.
+        let lgm = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+        let short = [&row[..3], &row[6..]].concat();
+        let expected = Scene {
+            centers: vec![Vec3::new(1.0, 2.0, 3.0)],
+            log_scales: vec![Vec3::new(-1.0, -2.0, -3.0)],
+            rotations: vec![Quat::from_xyzw(0.5, -0.5, 0.5, 0.5)],
+            opacity_logits: vec![4.0],
+            sh_dc: vec![[0.1, 0.2, 0.3]],
+            ..Scene::default()
+        };
+        for big in [false, true] {
+            assert_eq!(read(&by_hand(trellis, &[&row], big)).unwrap(), expected);
+            assert_eq!(read(&by_hand(lgm, &[&short], big)).unwrap(), expected);
+        }
+    }
+
+    #[test]
+    fn elements_before_the_vertices_are_skipped() {
+        let plain = write(&scene(1)).unwrap();
+        let at = plain.windows(14).position(|w| w == b"element vertex").unwrap();
+        let end = plain.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        let other = b"element camera 2\nproperty uchar id\nproperty double fov\n".as_slice();
+        let bytes = [&plain[..at], other, &plain[at..end], &[7; 18], &plain[end..]].concat();
+        assert_eq!(read(&bytes).unwrap(), scene(1));
+    }
+
+    #[test]
+    fn a_mesh_is_told_by_its_properties() {
+        let mesh = by_hand("x y z red", &[&[0.0; 4]], false);
+        let message = read(&mesh).unwrap_err().to_string();
+        assert!(
+            message.contains("`f_dc_0`") && message.contains("x y z red"),
+            "{message}"
+        );
+    }
+
     #[test]
     fn wrong_headers_are_named() {
         let good = write(&scene(0)).unwrap();
@@ -436,7 +296,7 @@ mod tests {
             (text("ply\nformat ascii 1.0\n"), "no `end_header`"),
             (text("ply\nend_header\n"), "no `format`"),
             (text("ply\nformat ascii 1.0\nend_header\n"), "no `element vertex`"),
-            (text("ply\nformat binary_big_endian 1.0\n"), "binary_big_endian"),
+            (text("ply\nformat middle_endian 1.0\n"), "middle_endian"),
             (replaced("element vertex 5", "element vertex 6"), "truncated"),
             (
                 replaced("element vertex 5", "element vertex 99999999999999"),
