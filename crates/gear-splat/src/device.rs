@@ -265,13 +265,14 @@ fn instead(cause: &str) -> String {
 
 #[cfg(feature = "gpu")]
 impl OnGpu {
-    /// A limit that is too small for one frame may do for the next; after anything else the GPU is not asked again.
+    /// What one frame asks too much of may do for the next; after anything else the GPU is not asked again.
     fn fall_back(&self, error: &crate::gpu::GpuError) -> Result<(), DeviceError> {
         let cause = error.to_string();
         if !self.fallback.allowed {
             return Err(DeviceError { cause });
         }
-        if !matches!(error, crate::gpu::GpuError::Limit { .. }) {
+        use crate::gpu::GpuError::{Limit, Unsupported};
+        if !matches!(error, Limit { .. } | Unsupported(_)) {
             self.gone.store(true, Ordering::Relaxed);
         }
         if !self.told.swap(true, Ordering::Relaxed) {
@@ -323,10 +324,10 @@ impl Frame {
     }
 
     /// Derivatives of a loss by the scene, from its derivatives by the pixels of `rendering`, which must be what
-    /// [`Frame::draw`] gave with colour and coverage wanted.
+    /// [`Frame::draw`] gave.
     ///
     /// # Panics
-    /// When colour or coverage is missing, or a gradient has not one entry a pixel: a caller's bug.
+    /// When a picture that has gradients was not wanted, or a gradient has not one entry a pixel: a caller's bug.
     pub fn backward(
         &mut self,
         scene: &Scene,

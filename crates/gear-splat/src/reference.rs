@@ -7,7 +7,7 @@
 
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3, DVec4};
 
-use crate::render::{ALPHA_MAX, ALPHA_MIN, REACH_SIGMAS, RenderOptions, ScreenFilter, TRANSMITTANCE_MIN};
+use crate::render::{ALPHA_MAX, ALPHA_MIN, EDGE_ON, REACH_SIGMAS, RenderOptions, ScreenFilter, TRANSMITTANCE_MIN};
 use crate::scene::thinnest_axis;
 use crate::{Camera, Projection, Scene, sh};
 
@@ -150,7 +150,11 @@ fn see(gaussian: &Gaussian64, sh_degree: u8, camera: &Camera, options: &RenderOp
     let slope = on_screen(flat, 1e-4).inverse() * along;
 
     let thinnest = axes.col(thinnest_axis(gaussian.log_scale.as_vec3()));
-    let outward = if thinnest.dot(sight) > 0.0 { -thinnest } else { thinnest };
+    let outward = if thinnest.dot(sight) > EDGE_ON * sight.length() {
+        -thinnest
+    } else {
+        thinnest
+    };
 
     Some(Seen {
         center,

@@ -7,12 +7,18 @@ use crate::{Camera, Scene, cpu};
 
 /// Smallest α that a Gaussian adds to a pixel: below, it is left out, as in 3DGS.
 pub const ALPHA_MIN: f32 = 1.0 / 255.0;
+/// log₂ of [`ALPHA_MIN`].
+pub(crate) const ALPHA_MIN_LOG2: f32 = -7.994_353_4;
 /// Largest α of one Gaussian at a pixel.
 pub const ALPHA_MAX: f32 = 0.99;
 /// A pixel whose transmittance is below this is finished.
 pub const TRANSMITTANCE_MIN: f32 = 1e-4;
 /// Standard deviations at which even an opaque Gaussian falls below [`ALPHA_MIN`]: √(2 ln 255).
 pub const REACH_SIGMAS: f64 = 3.329_042_904_889_846;
+
+/// A surfel's normal is turned round when it points away from the camera by more than this cosine. Seen edge-on it keeps
+/// the side that it is stored with; else rounding would toss a coin, and walls along the line of sight would get noise.
+pub(crate) const EDGE_ON: f64 = 1e-5;
 
 /// What keeps Gaussians thinner than a pixel from falling between pixel centres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,13 +122,33 @@ impl Rendering {
     }
 }
 
-/// Derivatives of a loss by the pictures of a [`Rendering`], row-major.
+/// Derivatives of a loss by the pictures of a [`Rendering`], row-major. A picture that the loss does not look at has an
+/// empty list. There is none by the median depth, which jumps from surfel to surfel. Where nothing is, depth and normal are
+/// not defined, and their entries are not looked at.
 #[derive(Clone, Debug, Default)]
 pub struct PixelGradients {
     /// By `rgb`.
     pub rgb: Vec<[f32; 3]>,
-    /// By `alpha`; empty when the loss does not look at it.
+    /// By `alpha`.
     pub alpha: Vec<f32>,
+    /// By `depth`.
+    pub depth: Vec<f32>,
+    /// By `normal`, as it is: a unit vector.
+    pub normal: Vec<[f32; 3]>,
+}
+
+impl PixelGradients {
+    /// # Panics
+    /// When a list is neither empty nor as long as the picture: a caller's bug.
+    pub(crate) fn check(&self, pixels: usize) {
+        let lengths = [self.rgb.len(), self.alpha.len(), self.depth.len(), self.normal.len()];
+        for (name, length) in ["rgb", "alpha", "depth", "normal"].into_iter().zip(lengths) {
+            assert!(
+                length == 0 || length == pixels,
+                "{length} gradients by `{name}` for {pixels} pixels"
+            );
+        }
+    }
 }
 
 /// Derivatives of a loss by the attributes of a scene, one entry a Gaussian. Groups that were not wanted are empty.
@@ -144,11 +170,66 @@ pub struct SceneGradients {
 
 /// Which groups of attributes a gradient is wanted for. Frozen groups cost nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted {
+pub struct Wanted {
+    /// Centres.
+    pub centers: bool,
+    /// Logarithms of the scales.
+    pub log_scales: bool,
+    /// Quaternions.
+    pub rotations: bool,
+    /// Opacity logits.
+    pub opacity_logits: bool,
+    /// SH coefficients of all degrees.
+    pub colors: bool,
+}
+
+impl Wanted {
     /// SH coefficients only.
-    Color,
-    /// Centres, scales, rotations, opacities and SH coefficients.
-    All,
+    pub const COLORS: Self = Self {
+        centers: false,
+        log_scales: false,
+        rotations: false,
+        opacity_logits: false,
+        colors: true,
+    };
+    /// Everything.
+    pub const ALL: Self = Self {
+        centers: true,
+        log_scales: true,
+        rotations: true,
+        opacity_logits: true,
+        colors: true,
+    };
+
+    /// Whether anything is wanted that decides where a Gaussian's α falls.
+    pub(crate) fn moves_shapes(self) -> bool {
+        self.centers || self.log_scales || self.rotations || self.opacity_logits
+    }
+}
+
+/// What became of a scene's Gaussians before anything was drawn. Each is counted once, by the first cause in this order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Dropped because a number is NaN or infinite, or the quaternion is zero.
+    pub invalid: usize,
+    /// Left out because the centre is behind the near plane of a pinhole camera.
+    pub behind: usize,
+    /// Left out because the opacity is below 1/255.
+    pub transparent: usize,
+    /// Left out because no pixel lies in the box around the ellipse α ≥ 1/255.
+    pub outside: usize,
+    /// Drawn.
+    pub seen: usize,
+}
+
+impl Counts {
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.invalid += other.invalid;
+        self.behind += other.behind;
+        self.transparent += other.transparent;
+        self.outside += other.outside;
+        self.seen += other.seen;
+    }
 }
 
 /// Renders a scene on the CPU. Invalid Gaussians are left out; see [`Scene::count_invalid`].

@@ -11,7 +11,7 @@ use crate::formats::{ply, views_exr};
 use crate::{Camera, Gaussian, Projection, Scene, View, Views};
 
 /// Raised when the rasteriser or the optimiser gives other bits.
-const NUMERICS: Numerics = Numerics::new("gear-splat", 1);
+const NUMERICS: Numerics = Numerics::new("gear-splat", 2);
 
 /// Six significant digits: what a person compares.
 fn rounded(x: f64) -> serde_json::Value {

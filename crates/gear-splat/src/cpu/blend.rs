@@ -1,54 +1,88 @@
 //! Stage 4: compositing, front to back.
 //!
-//! For each pixel, over its Gaussians in order of depth: w = α·T, output += w·feature, T ← T·(1 − α). A Gaussian
+//! For each pixel, over its Gaussians in order of depth: w = α·T, output += w·feature, T ← T − w. A Gaussian
 //! is left out where α < 1/255, and a pixel is finished once T < 1e-4. The loops are turned inside out: the outer
-//! one walks the Gaussians of a tile, the inner one the pixels of the rows that the Gaussian covers, eight at a time,
-//! on buffers of the tile that stay in the first-level cache. A Gaussian of six by six pixels costs six groups of
-//! lanes, not a whole tile. What must stay true: every pixel meets its Gaussians in the order of the list, and
+//! one walks the Gaussians of a tile, the inner one the pixels of the rows that the Gaussian covers, sixteen or eight at a
+//! time, on buffers of the tile that stay in the first-level cache. A Gaussian of six by six pixels costs six groups of
+//! eight lanes, not a whole tile. What must stay true: every pixel meets its Gaussians in the order of the list, and
 //! pixels outside the picture start with T = 0, so that they never receive anything.
 
-use gear_image::{Field, Rgb};
-use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::Frame;
 use super::bin::{TILE_HEIGHT, TILE_WIDTH};
-use super::lanes::{self, LANE, LANES, PLANE_LEN, Plane, STRIDE, TileSplat};
-use super::project::{Splat, Surface};
+use super::canvas::{Canvas, Patch};
+use super::lanes::{self, HALF, LANE, LANES, PLANE_LEN, Plane, STRIDE};
+use super::project::Splat;
+use super::simd::{SimdLevel, simd_kernels};
+use super::spans::{Span, Spans};
+use super::surface::Surface;
 use crate::render::{Outputs, Rendering, TRANSMITTANCE_MIN};
 
 /// After so many Gaussians a tile looks whether all its pixels are finished.
 pub(crate) const CHECK_EVERY: usize = 32;
 
 /// What a tile accumulates.
-struct TileBuffers {
-    transmittance: Plane,
+#[repr(align(64))]
+pub(crate) struct TileBuffers {
+    pub transmittance: Plane,
     color: [Plane; 3],
-    /// Σ w, for the mean depth: 1 − T would have lost its small digits.
-    weight: Plane,
-    depth: Plane,
+    /// Σ w (z − z₀), with z₀ the depth of the tile's foremost Gaussian.
+    pub depth: Plane,
     median: Plane,
-    normal: [Plane; 3],
+    pub normal: [Plane; 3],
 }
 
 /// What a tile reads.
 #[derive(Clone, Copy)]
-struct TileScene<'a> {
-    splats: &'a [Splat],
-    colors: &'a [[f32; 3]],
-    surfaces: &'a [Surface],
-    list: &'a [u32],
-    left: usize,
-    top: usize,
-    columns: usize,
-    rows: usize,
+pub(crate) struct TileScene<'a> {
+    pub splats: &'a [Splat],
+    pub colors: &'a [[f32; 3]],
+    pub surfaces: &'a [Surface],
+    /// Gaussians, front to back.
+    pub list: &'a [u32],
+    pub left: usize,
+    pub top: usize,
+    /// How many columns the picture leaves the tile.
+    pub columns: usize,
+    /// Rows that are worked on: the first, and the one after the last.
+    pub rows: (usize, usize),
+    /// Depth of the foremost Gaussian. Depths are summed from there, since the sum of weights is taken as 1 − T: its
+    /// rounding then scales with the depths' spread, not with the distance from the camera.
+    pub foremost: f32,
 }
 
-/// 1 inside the picture, 0 in the padding and beyond the picture's rim.
-pub(crate) fn clear_transmittance(plane: &mut Plane, columns: usize, rows: usize) {
-    plane.fill(0.0);
-    for row in plane.chunks_exact_mut(STRIDE).take(rows) {
-        row[..columns].fill(1.0);
+impl<'a> TileScene<'a> {
+    pub fn new(frame: &'a Frame, tile: usize, rows: (usize, usize)) -> Self {
+        let grid = &frame.bins.grid;
+        let (left, top) = (tile % grid.columns * TILE_WIDTH, tile / grid.columns * TILE_HEIGHT);
+        let list = frame.bins.tile(tile);
+        let first = list.first().and_then(|&i| frame.surfaces.get(i as usize));
+        Self {
+            splats: &frame.splats,
+            colors: &frame.colors,
+            surfaces: &frame.surfaces,
+            foremost: first.map_or(0.0, |surface| surface.depth),
+            list,
+            left,
+            top,
+            columns: TILE_WIDTH.min(grid.width - left),
+            rows,
+        }
+    }
+
+    #[inline(always)]
+    pub fn spans(&self, splat: &Splat) -> Spans {
+        Spans::new(splat, self.left, self.top, self.rows, self.columns)
+    }
+
+    /// 1 in the pixels that are worked on, 0 elsewhere.
+    pub fn clear_transmittance(&self, plane: &mut Plane) {
+        plane.fill(0.0);
+        let (first, end) = self.rows;
+        for row in plane.chunks_exact_mut(STRIDE).take(end).skip(first) {
+            row[..self.columns].fill(1.0);
+        }
     }
 }
 
@@ -62,272 +96,283 @@ pub(crate) fn is_finished(transmittance: &Plane) -> bool {
     alive == 0
 }
 
-/// One compiled kernel for each combination of outputs, and within it one for each SIMD level.
+/// One kernel for each combination of outputs.
 macro_rules! kernels {
-    ($($name:ident: $color:literal, $depth:literal, $normal:literal;)*) => {
-        $(#[multiversion(targets = "simd")]
-        fn $name(scene: TileScene, buffers: &mut TileBuffers) {
-            blend::<$color, $depth, $normal>(scene, buffers);
-        })*
+    ($($name:ident: $color:literal, $depth:literal, $median:literal, $normal:literal;)*) => {
+        simd_kernels! {
+            $(fn $name(scene: TileScene, buffers: &mut TileBuffers) {
+                blend::<$color, $depth, $median, $normal>(scene, buffers);
+            })*
+        }
 
-        fn kernel(color: bool, depth: bool, normal: bool) -> fn(TileScene, &mut TileBuffers) {
-            match (color, depth, normal) {
-                $(($color, $depth, $normal) => $name,)*
+        /// The kernel for some outputs.
+        pub(crate) fn kernel(outputs: Outputs) -> fn(SimdLevel, TileScene, &mut TileBuffers) {
+            match (outputs.rgb, outputs.depth, outputs.median_depth, outputs.normal) {
+                $(($color, $depth, $median, $normal) => $name,)*
             }
         }
     };
 }
 
 kernels! {
-    blend_coverage: false, false, false;
-    blend_color: true, false, false;
-    blend_depth: false, true, false;
-    blend_normal: false, false, true;
-    blend_color_depth: true, true, false;
-    blend_color_normal: true, false, true;
-    blend_depth_normal: false, true, true;
-    blend_color_depth_normal: true, true, true;
+    blend_coverage: false, false, false, false;
+    blend_color: true, false, false, false;
+    blend_depth: false, true, false, false;
+    blend_median: false, false, true, false;
+    blend_normal: false, false, false, true;
+    blend_color_depth: true, true, false, false;
+    blend_color_median: true, false, true, false;
+    blend_color_normal: true, false, false, true;
+    blend_depth_median: false, true, true, false;
+    blend_depth_normal: false, true, false, true;
+    blend_median_normal: false, false, true, true;
+    blend_color_depth_median: true, true, true, false;
+    blend_color_depth_normal: true, true, false, true;
+    blend_color_median_normal: true, false, true, true;
+    blend_depth_median_normal: false, true, true, true;
+    blend_all: true, true, true, true;
+}
+
+/// What one Gaussian adds to the pixels of one row.
+#[derive(Clone, Copy)]
+struct Stroke {
+    splat: Splat,
+    span: Span,
+    color: [f32; 3],
+    surface: Surface,
+    /// Offset of the surfel's plane at the middle column of this row.
+    row_offset: f32,
+    /// Depth of its centre behind the tile's foremost.
+    behind: f32,
 }
 
 #[inline(always)]
-fn blend<const COLOR: bool, const DEPTH: bool, const NORMAL: bool>(scene: TileScene, buffers: &mut TileBuffers) {
-    let TileBuffers {
-        transmittance,
-        color: [red, green, blue],
-        weight: weights,
-        depth,
-        median,
-        normal: [nx, ny, nz],
-    } = buffers;
+fn blend<const COLOR: bool, const DEPTH: bool, const MEDIAN: bool, const NORMAL: bool>(
+    scene: TileScene,
+    buffers: &mut TileBuffers,
+) {
     for (n, &i) in scene.list.iter().enumerate() {
-        if n % CHECK_EVERY == CHECK_EVERY - 1 && is_finished(transmittance) {
+        if n % CHECK_EVERY == CHECK_EVERY - 1 && is_finished(&buffers.transmittance) {
             return;
         }
         let i = i as usize;
         let splat = scene.splats[i];
         let color = if COLOR { scene.colors[i] } else { [0.0; 3] };
-        let surface = if DEPTH || NORMAL {
+        let surface = if DEPTH || MEDIAN || NORMAL {
             scene.surfaces[i]
         } else {
             Surface::default()
         };
-        let seen = TileSplat::new(&splat, scene.left, scene.top, scene.rows);
-        for y in seen.rows() {
-            let Some(span) = seen.row(y, scene.columns) else {
-                continue;
+        let spans = scene.spans(&splat);
+        for y in spans.rows.clone() {
+            let span = spans.row(y);
+            let stroke = Stroke {
+                splat,
+                span,
+                color,
+                surface,
+                row_offset: surface.slope[1] * span.dy + surface.slope[0] * (span.middle - spans.mean[0]),
+                behind: surface.depth - scene.foremost,
             };
-            // Depth of the surfel's plane at the middle column of this row.
-            let row_offset = surface.slope[1] * span.dy + surface.slope[0] * (span.middle - seen.mean[0]);
             let mut x = span.first;
-            while x <= span.last {
+            while x < span.end {
                 let at = y * STRIDE + x;
                 let start = x as f32 - span.middle;
-                x += LANES;
-                let t = lanes::at(transmittance, at);
-                if lanes::all_below(t, TRANSMITTANCE_MIN) {
-                    continue;
-                }
-                let (r, g, b) = (lanes::at(red, at), lanes::at(green, at), lanes::at(blue, at));
-                let (sum, z_sum, z_median) = (lanes::at(weights, at), lanes::at(depth, at), lanes::at(median, at));
-                let (n_x, n_y, n_z) = (lanes::at(nx, at), lanes::at(ny, at), lanes::at(nz, at));
-                // One loop for everything: short separate ones are unrolled before they can become vectors.
-                for l in 0..LANES {
-                    let along = start + LANE[l];
-                    let before = t[l];
-                    let alpha = lanes::alpha(&splat, &span, along, before);
-                    let weight = alpha * before;
-                    let after = before * (1.0 - alpha);
-                    t[l] = after;
-                    if COLOR {
-                        r[l] += weight * color[0];
-                        g[l] += weight * color[1];
-                        b[l] += weight * color[2];
-                    }
-                    if DEPTH {
-                        let offset = row_offset + surface.slope[0] * along;
-                        let offset = if offset < surface.reach { offset } else { surface.reach };
-                        let offset = if offset > -surface.reach {
-                            offset
-                        } else {
-                            -surface.reach
-                        };
-                        let z = surface.depth + offset;
-                        sum[l] += weight;
-                        z_sum[l] += weight * z;
-                        // T falls, so this holds for one Gaussian.
-                        let crosses = (before > 0.5) & (after <= 0.5);
-                        z_median[l] = if crosses { z } else { z_median[l] };
-                    }
-                    if NORMAL {
-                        n_x[l] += weight * surface.normal[0];
-                        n_y[l] += weight * surface.normal[1];
-                        n_z[l] += weight * surface.normal[2];
-                    }
+                if span.end - x > HALF {
+                    group::<LANES, COLOR, DEPTH, MEDIAN, NORMAL>(&stroke, at, start, buffers);
+                    x += LANES;
+                } else {
+                    group::<HALF, COLOR, DEPTH, MEDIAN, NORMAL>(&stroke, at, start, buffers);
+                    x += HALF;
                 }
             }
         }
     }
 }
 
-/// Pictures under construction; planes that are not wanted are empty.
-struct Canvas {
-    rgb: Vec<[f32; 3]>,
-    alpha: Vec<f32>,
-    depth: Vec<f32>,
-    median: Vec<f32>,
-    normal: Vec<[f32; 3]>,
-}
-
-/// The part of a [`Canvas`] that one row of tiles covers.
-struct Band<'a> {
-    rgb: &'a mut [[f32; 3]],
-    alpha: &'a mut [f32],
-    depth: &'a mut [f32],
-    median: &'a mut [f32],
-    normal: &'a mut [[f32; 3]],
+/// `N` pixels from place `at` of the tile's planes on, which lies `start` from the middle of the span.
+#[inline(always)]
+fn group<const N: usize, const COLOR: bool, const DEPTH: bool, const MEDIAN: bool, const NORMAL: bool>(
+    stroke: &Stroke,
+    at: usize,
+    start: f32,
+    buffers: &mut TileBuffers,
+) {
+    let TileBuffers {
+        transmittance,
+        color: [red, green, blue],
+        depth,
+        median,
+        normal: [nx, ny, nz],
+    } = buffers;
+    let Stroke { color, surface, .. } = *stroke;
+    let mut t = lanes::load::<N>(transmittance, at);
+    if lanes::all_below(&t, TRANSMITTANCE_MIN) {
+        return;
+    }
+    // Copies, so that the compiler sees that no two of them overlap.
+    let mut c = [lanes::load::<N>(red, at), lanes::load(green, at), lanes::load(blue, at)];
+    let (mut z_sum, mut z_median) = (lanes::load::<N>(depth, at), lanes::load::<N>(median, at));
+    let mut n = [lanes::load::<N>(nx, at), lanes::load(ny, at), lanes::load(nz, at)];
+    // One loop for everything: short separate ones are unrolled before they can become vectors.
+    for l in 0..N {
+        let along = start + LANE[l];
+        let before = t[l];
+        let weight = lanes::alpha(&stroke.splat, &stroke.span, along, before) * before;
+        let after = before - weight;
+        t[l] = after;
+        if COLOR {
+            c[0][l] += weight * color[0];
+            c[1][l] += weight * color[1];
+            c[2][l] += weight * color[2];
+        }
+        if DEPTH || MEDIAN {
+            let offset = surface.offset(stroke.row_offset + surface.slope[0] * along);
+            if DEPTH {
+                z_sum[l] += weight * (stroke.behind + offset);
+            }
+            if MEDIAN {
+                // T falls, so this holds for one Gaussian.
+                let crosses = (before > 0.5) & (after <= 0.5);
+                z_median[l] = if crosses { surface.depth + offset } else { z_median[l] };
+            }
+        }
+        if NORMAL {
+            n[0][l] += weight * surface.normal[0];
+            n[1][l] += weight * surface.normal[1];
+            n[2][l] += weight * surface.normal[2];
+        }
+    }
+    lanes::store(transmittance, at, &t);
+    if COLOR {
+        lanes::store(red, at, &c[0]);
+        lanes::store(green, at, &c[1]);
+        lanes::store(blue, at, &c[2]);
+    }
+    if DEPTH {
+        lanes::store(depth, at, &z_sum);
+    }
+    if MEDIAN {
+        lanes::store(median, at, &z_median);
+    }
+    if NORMAL {
+        lanes::store(nx, at, &n[0]);
+        lanes::store(ny, at, &n[1]);
+        lanes::store(nz, at, &n[2]);
+    }
 }
 
 pub(crate) fn draw(frame: &Frame) -> Rendering {
     let outputs = frame.outputs;
-    let grid = frame.bins.grid;
-    let pixels = grid.width * grid.height;
-    let wants_depth = outputs.depth || outputs.median_depth;
-    let kernel = kernel(outputs.rgb, wants_depth, outputs.normal);
-    let len = |wanted: bool| if wanted { pixels } else { 0 };
-    let mut canvas = Canvas {
-        rgb: vec![[0.0; 3]; len(outputs.rgb)],
-        alpha: vec![0.0; len(outputs.alpha)],
-        depth: vec![0.0; len(outputs.depth)],
-        median: vec![0.0; len(outputs.median_depth)],
-        normal: vec![[0.0; 3]; len(outputs.normal)],
-    };
+    let bins = &frame.bins;
+    let kernel = kernel(outputs);
+    let mut canvas = Canvas::new(&bins.grid, outputs);
     canvas
-        .bands(grid.width)
+        .bands(&bins.grid)
         .into_par_iter()
         .enumerate()
-        .for_each(|(row, mut band)| {
-            let mut buffers = Box::new(TileBuffers::new());
-            for column in 0..grid.columns {
-                let scene = TileScene {
-                    splats: &frame.splats,
-                    colors: &frame.colors,
-                    surfaces: &frame.surfaces,
-                    list: frame.bins.tile(row * grid.columns + column),
-                    left: column * TILE_WIDTH,
-                    top: row * TILE_HEIGHT,
-                    columns: TILE_WIDTH.min(grid.width - column * TILE_WIDTH),
-                    rows: TILE_HEIGHT.min(grid.height - row * TILE_HEIGHT),
-                };
-                buffers.clear(outputs, scene.columns, scene.rows);
-                kernel(scene, &mut buffers);
-                band.take(&buffers, &scene, grid.width, frame.background);
-            }
+        .for_each(|(row, band)| {
+            let patches = band.patches(bins, row).into_par_iter();
+            patches.for_each_init(TileBuffers::new, |buffers, patch| {
+                let scene = TileScene::new(frame, patch.tile, patch.rows);
+                buffers.clear(outputs, &scene);
+                kernel(frame.level, scene, buffers);
+                finish(frame.level, buffers, outputs, frame.background, scene.foremost);
+                buffers.copy_to(patch);
+            });
         });
-    canvas.finish(grid.width, grid.height, outputs)
+    canvas.finish(&bins.grid, outputs)
 }
 
 impl TileBuffers {
-    fn new() -> Self {
+    pub fn new() -> Box<Self> {
         const ZERO: Plane = [0.0; PLANE_LEN];
-        Self {
+        Box::new(Self {
             transmittance: ZERO,
             color: [ZERO; 3],
-            weight: ZERO,
             depth: ZERO,
             median: ZERO,
             normal: [ZERO; 3],
-        }
+        })
     }
 
-    fn clear(&mut self, outputs: Outputs, columns: usize, rows: usize) {
-        clear_transmittance(&mut self.transmittance, columns, rows);
+    pub fn clear(&mut self, outputs: Outputs, scene: &TileScene) {
+        scene.clear_transmittance(&mut self.transmittance);
         if outputs.rgb {
             self.color.iter_mut().for_each(|plane| plane.fill(0.0));
         }
-        if outputs.depth || outputs.median_depth {
-            self.weight.fill(0.0);
+        if outputs.depth {
             self.depth.fill(0.0);
+        }
+        if outputs.median_depth {
             self.median.fill(f32::NAN);
         }
         if outputs.normal {
             self.normal.iter_mut().for_each(|plane| plane.fill(0.0));
         }
     }
-}
 
-impl Canvas {
-    fn bands(&mut self, width: usize) -> Vec<Band<'_>> {
-        let len = width * TILE_HEIGHT;
-        let count = [
-            self.rgb.len(),
-            self.alpha.len(),
-            self.depth.len(),
-            self.median.len(),
-            self.normal.len(),
-        ]
-        .into_iter()
-        .max()
-        .map_or(0, |pixels| pixels.div_ceil(len.max(1)));
-        let mut rgb = self.rgb.chunks_mut(len.max(1));
-        let mut alpha = self.alpha.chunks_mut(len.max(1));
-        let mut depth = self.depth.chunks_mut(len.max(1));
-        let mut median = self.median.chunks_mut(len.max(1));
-        let mut normal = self.normal.chunks_mut(len.max(1));
-        (0..count)
-            .map(|_| Band {
-                rgb: rgb.next().unwrap_or_default(),
-                alpha: alpha.next().unwrap_or_default(),
-                depth: depth.next().unwrap_or_default(),
-                median: median.next().unwrap_or_default(),
-                normal: normal.next().unwrap_or_default(),
-            })
-            .collect()
-    }
-
-    fn finish(self, width: usize, height: usize, outputs: Outputs) -> Rendering {
-        let field = |wanted: bool, data| wanted.then(|| Field::from_vec(width, height, data));
-        Rendering {
-            rgb: outputs.rgb.then(|| Rgb::from_vec(width, height, self.rgb)),
-            alpha: field(outputs.alpha, self.alpha),
-            depth: field(outputs.depth, self.depth),
-            median_depth: field(outputs.median_depth, self.median),
-            normal: outputs.normal.then_some(self.normal),
+    /// Copies a finished strip into the pictures.
+    fn copy_to(&self, patch: Patch) {
+        let at = |y: usize| (patch.rows.0 + y) * STRIDE;
+        let three = |planes: &[Plane; 3], at: usize| std::array::from_fn(|c| planes[c][at]);
+        for (y, row) in patch.rgb.into_iter().enumerate() {
+            for (x, rgb) in row.iter_mut().enumerate() {
+                *rgb = three(&self.color, at(y) + x);
+            }
         }
-    }
-}
-
-impl Band<'_> {
-    /// Copies a tile's result into the band.
-    fn take(&mut self, tile: &TileBuffers, scene: &TileScene, width: usize, background: [f32; 3]) {
-        for y in 0..scene.rows {
-            for x in 0..scene.columns {
-                let at = y * STRIDE + x;
-                let to = y * width + scene.left + x;
-                let transmittance = tile.transmittance[at];
-                let coverage = 1.0 - transmittance;
-                if let Some(rgb) = self.rgb.get_mut(to) {
-                    *rgb = std::array::from_fn(|c| tile.color[c][at] + transmittance * background[c]);
-                }
-                if let Some(alpha) = self.alpha.get_mut(to) {
-                    *alpha = coverage;
-                }
-                if let Some(depth) = self.depth.get_mut(to) {
-                    let weight = tile.weight[at];
-                    *depth = if weight > 0.0 {
-                        tile.depth[at] / weight
-                    } else {
-                        f32::NAN
-                    };
-                }
-                if let Some(median) = self.median.get_mut(to) {
-                    *median = tile.median[at];
-                }
-                if let Some(normal) = self.normal.get_mut(to) {
-                    let n: [f32; 3] = std::array::from_fn(|c| tile.normal[c][at]);
-                    let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-                    *normal = if length > 0.0 { n.map(|x| x / length) } else { [0.0; 3] };
-                }
+        for (y, row) in patch.normal.into_iter().enumerate() {
+            for (x, normal) in row.iter_mut().enumerate() {
+                *normal = three(&self.normal, at(y) + x);
+            }
+        }
+        for (rows, plane) in [
+            (patch.alpha, &self.transmittance),
+            (patch.depth, &self.depth),
+            (patch.median, &self.median),
+        ] {
+            for (y, row) in rows.into_iter().enumerate() {
+                row.copy_from_slice(&plane[at(y)..at(y) + row.len()]);
             }
         }
     }
+}
+
+simd_kernels! {
+    /// Turns the sums of a tile into its pictures: the background shines through, depths and normals become means, and
+    /// transmittance becomes coverage.
+    fn finish(buffers: &mut TileBuffers, outputs: Outputs, background: [f32; 3], foremost: f32) {
+        let TileBuffers { transmittance, color, depth, normal: [nx, ny, nz], .. } = buffers;
+        if outputs.rgb {
+            for (plane, background) in color.iter_mut().zip(background) {
+                for (x, t) in plane.iter_mut().zip(&*transmittance) {
+                    *x += t * background;
+                }
+            }
+        }
+        for t in transmittance.iter_mut() {
+            *t = 1.0 - *t;
+        }
+        if outputs.depth {
+            for (z, weight) in depth.iter_mut().zip(&*transmittance) {
+                let mean = foremost + *z / weight;
+                *z = if *weight > 0.0 { mean } else { f32::NAN };
+            }
+        }
+        if outputs.normal {
+            for i in 0..PLANE_LEN {
+                let length = length([nx[i], ny[i], nz[i]]);
+                let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
+                nx[i] *= scale;
+                ny[i] *= scale;
+                nz[i] *= scale;
+            }
+        }
+    }
+}
+
+/// Length of a vector.
+#[inline(always)]
+pub(crate) fn length(n: [f32; 3]) -> f32 {
+    (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
 }

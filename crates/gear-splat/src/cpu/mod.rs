@@ -2,47 +2,69 @@
 //!
 //! Stages, in the order data passes them:
 //!
-//! 1. `project`: every Gaussian becomes an ellipse on the screen (f64 inside, f32 out), with the radius at which
-//!    its α falls below 1/255; those that touch no pixel are marked.
-//! 2. `sort`: the seen ones are ordered by the depth of their centre, stably.
+//! 1. `project`: every Gaussian becomes an ellipse on the screen (f64 inside, f32 out), with the size at which
+//!    its α falls below 1/255; those that touch no pixel are counted and left out.
+//! 2. `sort`: the seen ones are ordered by the depth of their centre, stably, and stored in that order: from here on a
+//!    Gaussian is its rank. `color` and `surface` add what the wanted pictures need.
 //! 3. `bin`: each tile of 32 × 16 pixels gets its list, front to back.
-//! 4. `blend`: each tile composites its list into the pictures that are wanted.
-//! 5. `gradient`: given the loss's derivatives by the pixels, each tile sums the derivatives by the ellipses,
+//! 4. `blend`: each tile composites its list, over the row `spans` of each ellipse, into the pictures that are wanted.
+//! 5. `blend_backward`: given the loss's derivatives by the pixels, each tile sums the derivatives by the ellipses,
 //!    walking its list front to back again; the sums of a Gaussian's tiles are added in tile order.
-//! 6. `chain`: derivatives by the ellipse become derivatives by centre, scale, rotation, opacity and colour.
+//! 6. `project_backward`: derivatives by the ellipse become derivatives by centre, scale, rotation, opacity and colour.
 //!
 //! A [`Frame`] holds the results of 1 to 3. They do not depend on colours, so that an optimiser that moves only
 //! colours keeps its frames and repeats stages 4 and 5 only.
 //!
-//! The bits do not depend on the number of threads: work is split into tiles and fixed chunks, a tile is worked
-//! on by one thread in the order of its list, and sums over tiles run in tile order.
+//! The bits do not depend on the number of threads: work is split into tiles and fixed chunks, a tile (or a strip of
+//! a crowded one) is worked on by one thread in the order of its list, and sums over tiles run in tile order. Nor do
+//! they depend on the SIMD level: see [`SimdLevel`].
 
 mod bin;
 mod blend;
-mod chain;
-mod gradient;
+mod blend_backward;
+mod canvas;
+mod color;
 mod lanes;
+mod math;
 mod project;
+mod project_backward;
+mod simd;
 mod sort;
+mod spans;
+mod surface;
+mod work;
+
+pub use simd::SimdLevel;
+pub use work::Work;
 
 use rayon::prelude::*;
 
-use crate::render::{Outputs, PixelGradients, RenderOptions, Rendering, SceneGradients, Wanted};
+use crate::render::{Counts, Outputs, PixelGradients, RenderOptions, Rendering, SceneGradients, Wanted};
 use crate::{Camera, Scene};
 use bin::{Bins, Grid};
-use project::{Splat, Surface};
+use project::Splat;
+use sort::Key;
+use surface::Surface;
 
 /// A scene seen by a camera, ready to be drawn.
 pub struct Frame {
+    level: SimdLevel,
     camera: Camera,
     view: project::View,
     background: [f32; 3],
     outputs: Outputs,
+    counts: Counts,
+    /// Number of Gaussians in the scene.
+    total: usize,
+    /// The seen Gaussians, front to back.
     splats: Vec<Splat>,
-    bins: Bins,
+    /// Their indices in the scene.
+    ids: Vec<u32>,
+    /// Their colours; empty unless colour is wanted.
     colors: Vec<[f32; 3]>,
-    /// Empty unless depth or normals are wanted.
+    /// Their planes; empty unless depth or normals are wanted.
     surfaces: Vec<Surface>,
+    bins: Bins,
 }
 
 impl Frame {
@@ -51,45 +73,52 @@ impl Frame {
     /// # Panics
     /// When the scene is ragged ([`Scene::validate`]): a caller's bug.
     pub fn new(scene: &Scene, camera: &Camera, options: &RenderOptions, outputs: Outputs) -> Self {
+        Self::with_simd(scene, camera, options, outputs, SimdLevel::current())
+    }
+
+    /// [`Frame::new`] at a SIMD level, or at the best that this CPU has if it lacks that. The result is the same, to the
+    /// bit.
+    ///
+    /// # Panics
+    /// As [`Frame::new`].
+    pub fn with_simd(
+        scene: &Scene,
+        camera: &Camera,
+        options: &RenderOptions,
+        outputs: Outputs,
+        level: SimdLevel,
+    ) -> Self {
         if let Err(error) = scene.validate() {
             panic!("{error}");
         }
+        let level = level.min(SimdLevel::best());
         let view = project::View::new(camera, options);
-        let (width, height) = (camera.width as usize, camera.height as usize);
-        let (splats, depths) = project::project(scene, &view, [width, height]);
-        let seen = (0..scene.len() as u32)
-            .filter(|&i| splats[i as usize].is_seen())
-            .collect();
-        let order = sort::front_to_back(seen, &depths);
-        let bins = Bins::new(Grid::new(width, height), &splats, &order);
         let needs_surfaces = outputs.depth || outputs.median_depth || outputs.normal;
-        let surface = |i: usize| {
-            let seen = splats[i].is_seen();
-            seen.then(|| view.surface(scene, i, camera))
-                .flatten()
-                .unwrap_or_default()
-        };
+        let seen = project::project(scene, &view, needs_surfaces, level);
+        let ids: Vec<u32> = sort::front_to_back(&seen.keys).into_iter().map(Key::id).collect();
+        let splats = by_rank(&seen.splats, &ids);
         let surfaces = if needs_surfaces {
-            (0..scene.len())
-                .into_par_iter()
-                .with_min_len(1024)
-                .map(surface)
-                .collect()
+            by_rank(&seen.surfaces, &ids)
         } else {
             Vec::new()
         };
+        let grid = Grid::new(camera.width as usize, camera.height as usize);
         Self {
+            level,
             camera: *camera,
             background: options.background,
             outputs,
+            counts: seen.counts,
+            total: scene.len(),
             colors: if outputs.rgb {
-                project::colors(scene, camera, &splats)
+                color::colors(scene, camera, &ids)
             } else {
                 Vec::new()
             },
+            bins: Bins::new(grid, &splats, level),
             view,
             splats,
-            bins,
+            ids,
             surfaces,
         }
     }
@@ -97,7 +126,7 @@ impl Frame {
     /// Takes the scene's colours anew. Everything else of the scene must be as it was.
     pub fn recolor(&mut self, scene: &Scene) {
         if self.outputs.rgb {
-            self.colors = project::colors(scene, &self.camera, &self.splats);
+            self.colors = color::colors(scene, &self.camera, &self.ids);
         }
     }
 
@@ -107,10 +136,10 @@ impl Frame {
     }
 
     /// Derivatives of a loss by the scene, from its derivatives by the pixels of `rendering`, which must be what
-    /// [`Frame::draw`] gave with colour and coverage wanted.
+    /// [`Frame::draw`] gave. Median depth has no derivative: it jumps from one surfel to another.
     ///
     /// # Panics
-    /// When colour or coverage is missing, or a gradient has not one entry a pixel: a caller's bug.
+    /// When a picture that has gradients was not wanted, or a gradient has not one entry a pixel: a caller's bug.
     pub fn backward(
         &self,
         scene: &Scene,
@@ -118,17 +147,41 @@ impl Frame {
         pixels: &PixelGradients,
         wanted: Wanted,
     ) -> SceneGradients {
-        let sums = gradient::sum_tiles(self, rendering, pixels, wanted);
-        chain::to_scene(self, scene, &sums, wanted)
+        for (name, given, drawn) in [
+            ("rgb", !pixels.rgb.is_empty(), rendering.rgb.is_some()),
+            ("alpha", !pixels.alpha.is_empty(), rendering.alpha.is_some()),
+            ("depth", !pixels.depth.is_empty(), self.outputs.depth),
+            ("normal", !pixels.normal.is_empty(), self.outputs.normal),
+        ] {
+            assert!(
+                !given || drawn,
+                "a gradient by `{name}` needs that picture among the outputs"
+            );
+        }
+        let sums = blend_backward::sum_tiles(self, rendering, pixels, wanted);
+        project_backward::to_scene(self, scene, &sums, wanted)
     }
 
-    /// Number of Gaussians that touch the picture.
-    pub fn seen(&self) -> usize {
-        self.splats.iter().filter(|splat| splat.is_seen()).count()
+    /// What became of the scene's Gaussians.
+    pub fn counts(&self) -> Counts {
+        self.counts
     }
 
     /// Number of (tile, Gaussian) pairs.
     pub fn pairs(&self) -> usize {
-        self.bins.entries.len()
+        self.bins.len()
     }
+
+    /// Counts the work that [`Frame::draw`] does, pixel by pixel. Slow.
+    pub fn work(&self) -> Work {
+        work::count(self)
+    }
+}
+
+/// The values of the Gaussians `ids`, in their order.
+fn by_rank<T: Copy + Send + Sync>(values: &[T], ids: &[u32]) -> Vec<T> {
+    ids.par_iter()
+        .with_min_len(4096)
+        .map(|&id| values[id as usize])
+        .collect()
 }

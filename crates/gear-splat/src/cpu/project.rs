@@ -5,87 +5,98 @@
 //! than f32 holds. The determinant before dilation is taken in product form (Cauchy–Binet),
 //! det₀ = Σ_{k<l} s_k² s_l² (t_k × t_l)², so that det = det₀ + δ·tr + δ² never cancels.
 //!
-//! The ellipse is kept as (mean, shear, precision_x, precision_y) with
-//! q = precision_x · (x − mx − shear·(y − my))² + precision_y · (y − my)²: along a row only the first square
-//! changes, and it is exact in f32 even for diagonal needles, where A·dx² + 2B·dx·dy + C·dy² cancels.
+//! The ellipse is kept as (mean, shear, precision_x, precision_y, peak) with
+//! log₂ α = peak − precision_x · (x − mx − shear·(y − my))² − precision_y · (y − my)²: along a row only the first
+//! square changes, and it is exact in f32 even for diagonal needles, where A·dx² + 2B·dx·dy + C·dy² cancels. The
+//! powers are of two because the hardware's are, and the opacity is one of them: a pixel costs no factor for it.
+//!
+//! Eight Gaussians are projected at a time. [`View::footprint`] has no branch, so that the loop over them is one loop over
+//! vectors of f64; the backward pass calls the same function for one.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::render::{REACH_SIGMAS, ScreenFilter};
-use crate::scene::{sigmoid, thinnest_axis};
-use crate::{Camera, Projection, RenderOptions, Scene, sh};
+use super::math;
+use super::simd::{SimdLevel, simd_kernels};
+use super::sort::Key;
+use super::surface::{self, Surface};
+use crate::render::{ALPHA_MIN_LOG2, Counts, REACH_SIGMAS, ScreenFilter};
+use crate::{Camera, Projection, RenderOptions, Scene};
 
-/// Variance in px² that keeps the slope of an edge-on surfel's plane finite.
-const SLOPE_FLOOR: f64 = 1e-4;
 /// Screen standard deviations are held below this, so that everything stays finite in f32.
-const SIGMA_MAX: f64 = 1e30;
+pub(crate) const SIGMA_MAX: f64 = 1e30;
+/// Logarithms of standard deviations are held within this: variances stay within 1e±60, and their products normal.
+const LOG_SCALE_MAX: f64 = 69.0;
+/// Logits are held within this before anything else: opacity 1 and 0 are then exact in f32, and nothing overflows.
+pub(crate) const LOGIT_MAX: f64 = 80.0;
+/// Gaussians of one task.
+const CHUNK: usize = 4096;
+/// Gaussians projected together.
+const BLOCK: usize = 8;
+/// ½ log₂ e: from q to halvings of α.
+const HALVINGS: f64 = 0.5 * std::f64::consts::LOG2_E;
 
-/// A Gaussian on the screen, in pixels. `cutoff < 0` marks one that is not seen.
-#[derive(Clone, Copy, Debug)]
+/// A Gaussian on the screen, in pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Splat {
     /// Centre.
     pub mean: [f32; 2],
     /// Σxy / Σyy: how far the centre of a row moves with y.
     pub shear: f32,
-    /// 1 / (Σxx − Σxy²/Σyy): the inverse variance along a row.
+    /// ½ log₂e / (Σxx − Σxy²/Σyy): the inverse variance along a row.
     pub precision_x: f32,
-    /// 1 / Σyy.
+    /// ½ log₂e / Σyy.
     pub precision_y: f32,
     /// 1 / √precision_x.
     pub sigma_x: f32,
-    /// Opacity at the centre.
-    pub opacity: f32,
-    /// The largest q at which α ≥ 1/255: 2 ln(255 · opacity).
-    pub cutoff: f32,
+    /// log₂ of the opacity at the centre.
+    pub peak: f32,
+    /// Half the width and height of the ellipse α ≥ 1/255.
+    pub half: [f32; 2],
 }
 
 impl Splat {
-    pub const UNSEEN: Self = Self {
-        mean: [0.0; 2],
-        shear: 0.0,
-        precision_x: 0.0,
-        precision_y: 0.0,
-        sigma_x: 0.0,
-        opacity: 0.0,
-        cutoff: -1.0,
-    };
-
-    pub fn is_seen(&self) -> bool {
-        self.cutoff >= 0.0
+    #[cfg(test)]
+    pub fn of(mean: [f32; 2], shear: f32, px: f32, py: f32, opacity: f32) -> Self {
+        let (px, py) = (f64::from(px) * HALVINGS, f64::from(py) * HALVINGS);
+        let peak = libm::log2(f64::from(opacity));
+        let rest = peak - f64::from(ALPHA_MIN_LOG2);
+        let half_y = (rest / py).sqrt();
+        let half_x = (rest / px + (f64::from(shear) * half_y) * (f64::from(shear) * half_y)).sqrt();
+        Self {
+            mean,
+            shear,
+            precision_x: px as f32,
+            precision_y: py as f32,
+            sigma_x: (1.0 / px.sqrt()) as f32,
+            peak: peak as f32,
+            half: [half_x as f32, half_y as f32],
+        }
     }
 }
 
-/// The plane of a surfel as the screen sees it.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Surface {
-    /// Depth of the centre.
-    pub depth: f32,
-    /// Depth gained by a pixel to the right, and one down.
-    pub slope: [f32; 2],
-    /// The plane's depth is held within this distance of the centre's: the Gaussian's own extent in depth.
-    pub reach: f32,
-    /// World-space normal, turned to the camera.
-    pub normal: [f32; 3],
-}
-
 /// The camera in f64, once for all Gaussians.
+#[derive(Clone, Copy)]
 pub(crate) struct View {
     pub rotation: DMat3,
     translation: DVec3,
     principal: DVec2,
-    projection: Projection,
+    pinhole: bool,
+    /// Focal length, or pixels a world unit.
+    scale: f64,
     limit: [f64; 2],
     near: f64,
+    size: [f64; 2],
     pub filter: ScreenFilter,
 }
 
 /// One Gaussian seen by a [`View`], with what the chain rule needs again.
+#[derive(Clone, Copy)]
 pub(crate) struct Footprint {
     /// Centre in camera space.
     pub point: DVec3,
     /// Camera-space unit axes.
-    pub axes: DMat3,
+    pub axes: [DVec3; 3],
     /// Squared standard deviations.
     pub variances: [f64; 3],
     /// Projected axes t_k, pixels a world unit.
@@ -100,26 +111,40 @@ pub(crate) struct Footprint {
 
 impl View {
     pub fn new(camera: &Camera, options: &RenderOptions) -> Self {
+        let (pinhole, scale) = match camera.projection {
+            Projection::Orthographic { pixels_per_unit } => (false, pixels_per_unit),
+            Projection::Pinhole { focal_px } => (true, focal_px),
+        };
         Self {
             rotation: camera.rotation.as_dmat3(),
             translation: camera.translation.as_dvec3(),
             principal: DVec2::new(f64::from(camera.principal[0]), f64::from(camera.principal[1])),
-            projection: camera.projection,
+            pinhole,
+            scale: f64::from(scale),
             limit: camera.jacobian_limit().map(f64::from),
             near: f64::from(options.near).max(1e-12),
+            size: [f64::from(camera.width), f64::from(camera.height)],
             filter: options.filter,
         }
     }
 
+    pub fn is_pinhole(&self) -> bool {
+        self.pinhole
+    }
+
     /// Scale s and clamped slopes x/z, y/z of J = [s 0 −s·tx; 0 s −s·ty]. Orthographic: (s, 0, 0).
+    #[inline(always)]
     pub fn linearised(&self, p: DVec3) -> (f64, [f64; 2]) {
-        match self.projection {
-            Projection::Orthographic { pixels_per_unit } => (f64::from(pixels_per_unit), [0.0; 2]),
-            Projection::Pinhole { focal_px } => {
-                let [lx, ly] = self.limit;
-                let slopes = [(p.x / p.z).clamp(-lx, lx), (p.y / p.z).clamp(-ly, ly)];
-                (f64::from(focal_px) / p.z, slopes)
-            }
+        if self.pinhole {
+            let hold = |x: f64, most: f64| {
+                let x = if x < most { x } else { most };
+                if x > -most { x } else { -most }
+            };
+            let inverse = 1.0 / p.z;
+            let slopes = [hold(p.x * inverse, self.limit[0]), hold(p.y * inverse, self.limit[1])];
+            (self.scale * inverse, slopes)
+        } else {
+            (self.scale, [0.0; 2])
         }
     }
 
@@ -128,29 +153,28 @@ impl View {
         [(p.x / p.z).abs() <= self.limit[0], (p.y / p.z).abs() <= self.limit[1]]
     }
 
-    pub fn is_pinhole(&self) -> bool {
-        matches!(self.projection, Projection::Pinhole { .. })
-    }
-
-    pub fn footprint(&self, scene: &Scene, i: usize) -> Option<Footprint> {
-        let point = self.rotation * scene.centers[i].as_dvec3() + self.translation;
-        if self.is_pinhole() && point.z < self.near {
-            return None;
-        }
+    /// The ellipse of a Gaussian, whether or not it can be seen.
+    #[inline(always)]
+    pub fn footprint(&self, center: DVec3, log_scale: DVec3, q: DQuat) -> Footprint {
+        let point = self.rotation * center + self.translation;
         let (s, slopes) = self.linearised(point);
-        let mean = self.principal + point.truncate() * s;
-        let axes = self.rotation * rotation_matrix(scene.rotations[i].as_dquat());
-        let variances = scene.log_scales[i]
-            .to_array()
-            .map(|l| libm::exp(2.0 * f64::from(l)).clamp(1e-60, 1e60));
-        let spread = [axes.x_axis, axes.y_axis, axes.z_axis]
-            .map(|m| DVec2::new(s * (m.x - slopes[0] * m.z), s * (m.y - slopes[1] * m.z)));
+        let mean = self.principal + DVec2::new(point.x * s, point.y * s);
+        let [a, b, c] = rotation_columns(q);
+        let axes = [self.rotation * a, self.rotation * b, self.rotation * c];
+        let hold = |x: f64| {
+            let x = if x < LOG_SCALE_MAX { x } else { LOG_SCALE_MAX };
+            if x > -LOG_SCALE_MAX { x } else { -LOG_SCALE_MAX }
+        };
+        let variance = |log_scale: f64| math::exp(2.0 * hold(log_scale));
+        let variances = [variance(log_scale.x), variance(log_scale.y), variance(log_scale.z)];
+        let seen = |m: DVec3| DVec2::new(s * (m.x - slopes[0] * m.z), s * (m.y - slopes[1] * m.z));
+        let spread = [seen(axes[0]), seen(axes[1]), seen(axes[2])];
 
         let [mut xx, mut xy, mut yy] = [0.0; 3];
-        for (v, t) in variances.iter().zip(&spread) {
-            xx += v * t.x * t.x;
-            xy += v * t.x * t.y;
-            yy += v * t.y * t.y;
+        for k in 0..3 {
+            xx += variances[k] * spread[k].x * spread[k].x;
+            xy += variances[k] * spread[k].x * spread[k].y;
+            yy += variances[k] * spread[k].y * spread[k].y;
         }
         let mut before = 0.0;
         for (k, l) in [(0, 1), (0, 2), (1, 2)] {
@@ -158,7 +182,7 @@ impl View {
             before += variances[k] * variances[l] * area * area;
         }
         let delta = self.filter.variance();
-        Some(Footprint {
+        Footprint {
             point,
             axes,
             variances,
@@ -166,11 +190,20 @@ impl View {
             mean,
             covariance: [xx + delta, xy, yy + delta],
             determinants: [before, before + delta * (xx + yy) + delta * delta],
-        })
+        }
+    }
+
+    pub fn footprint_of(&self, scene: &Scene, i: usize) -> Footprint {
+        self.footprint(
+            scene.centers[i].as_dvec3(),
+            scene.log_scales[i].as_dvec3(),
+            scene.rotations[i].as_dquat(),
+        )
     }
 
     /// How much of the opacity the filter leaves.
-    pub fn compensation(&self, footprint: &Footprint) -> f64 {
+    #[inline(always)]
+    fn compensation(&self, footprint: &Footprint) -> f64 {
         match self.filter {
             ScreenFilter::Dilate(_) => 1.0,
             ScreenFilter::AntiAlias(_) => {
@@ -180,117 +213,241 @@ impl View {
         }
     }
 
-    fn splat(&self, scene: &Scene, i: usize, size: [f64; 2]) -> Option<(Splat, f32)> {
-        if !scene.is_valid(i) {
-            return None;
-        }
-        let footprint = self.footprint(scene, i)?;
-        let opacity = sigmoid(f64::from(scene.opacity_logits[i])) * self.compensation(&footprint);
-        let cutoff = 2.0 * libm::log(255.0 * opacity);
-        if cutoff.is_nan() || cutoff < 0.0 {
-            return None;
-        }
+    /// Entry `l` of a block.
+    #[inline(always)]
+    fn project<const PLANE: bool>(&self, block: &Block, l: usize, out: &mut Projected) {
+        let vector = |v: &[[f64; BLOCK]; 3]| DVec3::new(v[0][l], v[1][l], v[2][l]);
+        let [x, y, z, w] = &block.rotation;
+        let q = DQuat::from_xyzw(x[l], y[l], z[l], w[l]);
+        let log_scale = vector(&block.log_scale);
+        let footprint = self.footprint(vector(&block.center), log_scale, q);
+        let opacity = 1.0 / (1.0 + math::exp(-block.logit[l])) * self.compensation(&footprint);
+        // ln needs a normal number; what is that faint is left out anyway.
+        let peak = math::ln(if opacity > 1e-30 { opacity } else { 1e-30 }) * std::f64::consts::LOG2_E;
+        let rest = peak - f64::from(ALPHA_MIN_LOG2);
+        let reach = (if rest > 0.0 { rest } else { 0.0 }) * (1.0 / HALVINGS);
+
         let [xx, xy, yy] = footprint.covariance;
         let determinant = footprint.determinants[1];
-        for (axis, variance) in [(0, xx), (1, yy)] {
-            let half = (cutoff * variance).sqrt();
-            let outside = footprint.mean[axis] + half < 0.0 || footprint.mean[axis] - half > size[axis] - 1.0;
-            if outside {
-                return None;
+        let inverse = 1.0 / yy;
+        let half = [(reach * xx).sqrt(), (reach * yy).sqrt()];
+        let mut inside = true;
+        for (axis, mean) in [(0, footprint.mean.x), (1, footprint.mean.y)] {
+            inside &= (mean + half[axis] >= 0.0) & (mean - half[axis] <= self.size[axis] - 1.0);
+        }
+        let sigma = (determinant * inverse * (1.0 / HALVINGS)).sqrt();
+        out.mean[0][l] = footprint.mean.x as f32;
+        out.mean[1][l] = footprint.mean.y as f32;
+        out.shear[l] = (xy * inverse) as f32;
+        out.precision_x[l] = (HALVINGS * yy / determinant) as f32;
+        out.precision_y[l] = (HALVINGS * inverse) as f32;
+        out.sigma_x[l] = (if sigma < SIGMA_MAX { sigma } else { SIGMA_MAX }) as f32;
+        out.peak[l] = peak as f32;
+        out.half[0][l] = (if half[0] < SIGMA_MAX { half[0] } else { SIGMA_MAX }) as f32;
+        out.half[1][l] = (if half[1] < SIGMA_MAX { half[1] } else { SIGMA_MAX }) as f32;
+        out.depth[l] = footprint.point.z as f32;
+        if PLANE {
+            out.plane(l, self, &footprint, log_scale);
+        }
+        // What f32 cannot hold is as far outside as can be.
+        let sizes = out.mean[0][l].abs() + out.mean[1][l].abs() + out.shear[l].abs() + out.precision_x[l];
+        inside &= sizes + out.depth[l].abs() < f32::INFINITY;
+        // The first cause that applies.
+        let behind = self.pinhole & (footprint.point.z < self.near);
+        let fate = if inside { SEEN } else { OUTSIDE };
+        let fate = if rest >= 0.0 { fate } else { TRANSPARENT };
+        out.fate[l] = if behind { BEHIND } else { fate };
+    }
+}
+
+/// The columns of a quaternion's rotation matrix; the quaternion may have any length but zero.
+#[inline(always)]
+fn rotation_columns(q: DQuat) -> [DVec3; 3] {
+    let s = 2.0 / (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+    let (xx, yy, zz) = (q.x * q.x * s, q.y * q.y * s, q.z * q.z * s);
+    let (xy, xz, yz) = (q.x * q.y * s, q.x * q.z * s, q.y * q.z * s);
+    let (wx, wy, wz) = (q.w * q.x * s, q.w * q.y * s, q.w * q.z * s);
+    [
+        DVec3::new(1.0 - (yy + zz), xy + wz, xz - wy),
+        DVec3::new(xy - wz, 1.0 - (xx + zz), yz + wx),
+        DVec3::new(xz + wy, yz - wx, 1.0 - (xx + yy)),
+    ]
+}
+
+const SEEN: u32 = 0;
+const OUTSIDE: u32 = 1;
+const TRANSPARENT: u32 = 2;
+const BEHIND: u32 = 3;
+
+/// The attributes of a few Gaussians, one array a component.
+#[derive(Default)]
+struct Block {
+    center: [[f64; BLOCK]; 3],
+    log_scale: [[f64; BLOCK]; 3],
+    rotation: [[f64; BLOCK]; 4],
+    logit: [f64; BLOCK],
+}
+
+impl Block {
+    fn set(&mut self, l: usize, scene: &Scene, i: usize) {
+        for k in 0..3 {
+            self.center[k][l] = f64::from(scene.centers[i][k]);
+            self.log_scale[k][l] = f64::from(scene.log_scales[i][k]);
+        }
+        for (k, x) in scene.rotations[i].to_array().into_iter().enumerate() {
+            self.rotation[k][l] = f64::from(x);
+        }
+        self.logit[l] = f64::from(scene.opacity_logits[i]).clamp(-LOGIT_MAX, LOGIT_MAX);
+    }
+}
+
+/// What becomes of a [`Block`].
+#[derive(Default)]
+struct Projected {
+    mean: [[f32; BLOCK]; 2],
+    shear: [f32; BLOCK],
+    precision_x: [f32; BLOCK],
+    precision_y: [f32; BLOCK],
+    sigma_x: [f32; BLOCK],
+    peak: [f32; BLOCK],
+    half: [[f32; BLOCK]; 2],
+    depth: [f32; BLOCK],
+    fate: [u32; BLOCK],
+    slope: [[f32; BLOCK]; 2],
+    reach: [f32; BLOCK],
+    normal: [[f32; BLOCK]; 3],
+}
+
+impl Projected {
+    fn splat(&self, l: usize) -> Splat {
+        Splat {
+            mean: self.mean.map(|m| m[l]),
+            shear: self.shear[l],
+            precision_x: self.precision_x[l],
+            precision_y: self.precision_y[l],
+            sigma_x: self.sigma_x[l],
+            peak: self.peak[l],
+            half: self.half.map(|h| h[l]),
+        }
+    }
+
+    fn surface(&self, l: usize) -> Surface {
+        Surface {
+            depth: self.depth[l],
+            slope: self.slope.map(|s| s[l]),
+            reach: self.reach[l],
+            normal: self.normal.map(|n| n[l]),
+        }
+    }
+
+    #[inline(always)]
+    fn plane(&mut self, l: usize, view: &View, footprint: &Footprint, log_scale: DVec3) {
+        let plane = surface::plane(footprint);
+        let normal = view.rotation.transpose() * surface::outward(view, footprint, log_scale).1;
+        let reach = REACH_SIGMAS * plane.depth_variance.sqrt();
+        self.slope[0][l] = plane.slope.x as f32;
+        self.slope[1][l] = plane.slope.y as f32;
+        self.reach[l] = (if reach < SIGMA_MAX { reach } else { SIGMA_MAX }) as f32;
+        self.normal[0][l] = normal.x as f32;
+        self.normal[1][l] = normal.y as f32;
+        self.normal[2][l] = normal.z as f32;
+    }
+}
+
+simd_kernels! {
+    fn project_block(view: &View, block: &Block, out: &mut Projected) {
+        for l in 0..BLOCK {
+            view.project::<false>(block, l, out);
+        }
+    }
+    fn project_block_and_planes(view: &View, block: &Block, out: &mut Projected) {
+        for l in 0..BLOCK {
+            view.project::<true>(block, l, out);
+        }
+    }
+}
+
+/// The scene on the screen.
+#[derive(Default)]
+pub(crate) struct Seen {
+    /// One for each Gaussian of the scene; those that are not seen are zero.
+    pub splats: Vec<Splat>,
+    /// Likewise; empty unless asked for.
+    pub surfaces: Vec<Surface>,
+    /// The Gaussians that touch the picture, in scene order.
+    pub keys: Vec<Key>,
+    pub counts: Counts,
+}
+
+pub(crate) fn project(scene: &Scene, view: &View, surfaces: bool, level: SimdLevel) -> Seen {
+    let mut all = Seen {
+        splats: vec![Splat::default(); scene.len()],
+        surfaces: vec![Surface::default(); if surfaces { scene.len() } else { 0 }],
+        ..Seen::default()
+    };
+    let mut chunks = all.surfaces.chunks_mut(CHUNK);
+    let tasks: Vec<_> = all
+        .splats
+        .chunks_mut(CHUNK)
+        .map(|splats| (splats, chunks.next().unwrap_or_default()))
+        .collect();
+    let found: Vec<(Vec<Key>, Counts)> = tasks
+        .into_par_iter()
+        .enumerate()
+        .map(|(chunk, (splats, surfaces))| project_chunk(scene, view, level, chunk * CHUNK, splats, surfaces))
+        .collect();
+    all.keys.reserve_exact(found.iter().map(|(keys, _)| keys.len()).sum());
+    for (keys, counts) in found {
+        all.keys.extend_from_slice(&keys);
+        all.counts.add(&counts);
+    }
+    all
+}
+
+/// Projects the Gaussians from `first` on, as many as `splats` has room for.
+fn project_chunk(
+    scene: &Scene,
+    view: &View,
+    level: SimdLevel,
+    first: usize,
+    splats: &mut [Splat],
+    surfaces: &mut [Surface],
+) -> (Vec<Key>, Counts) {
+    let kernel = if surfaces.is_empty() {
+        project_block
+    } else {
+        project_block_and_planes
+    };
+    let mut keys = Vec::with_capacity(splats.len());
+    let mut counts = Counts::default();
+    let mut block = Block::default();
+    let mut out = Projected::default();
+    for at in (0..splats.len()).step_by(BLOCK) {
+        let count = BLOCK.min(splats.len() - at);
+        for l in 0..count {
+            block.set(l, scene, first + at + l);
+        }
+        kernel(level, view, &block, &mut out);
+        for l in 0..count {
+            let i = first + at + l;
+            if !scene.is_valid(i) {
+                counts.invalid += 1;
+                continue;
+            }
+            match out.fate[l] {
+                SEEN => {
+                    counts.seen += 1;
+                    splats[at + l] = out.splat(l);
+                    keys.push(Key::new(out.depth[l], i as u32));
+                    if let Some(surface) = surfaces.get_mut(at + l) {
+                        *surface = out.surface(l);
+                    }
+                }
+                TRANSPARENT => counts.transparent += 1,
+                BEHIND => counts.behind += 1,
+                _ => counts.outside += 1,
             }
         }
-        let splat = Splat {
-            mean: [footprint.mean.x as f32, footprint.mean.y as f32],
-            shear: (xy / yy) as f32,
-            precision_x: (yy / determinant) as f32,
-            precision_y: (1.0 / yy) as f32,
-            sigma_x: (determinant / yy).sqrt().min(SIGMA_MAX) as f32,
-            opacity: opacity as f32,
-            cutoff: cutoff as f32,
-        };
-        let depth = footprint.point.z as f32;
-        let finite = splat.mean.iter().all(|m| m.is_finite())
-            && splat.shear.is_finite()
-            && splat.precision_x.is_finite()
-            && splat.precision_y.is_finite()
-            && depth.is_finite();
-        finite.then_some((splat, depth))
     }
-
-    /// The plane of the two longer axes. Taking the smallest variance away leaves a flat ellipse (or, for a needle, a
-    /// line; for a ball, a point) whose depth is a linear function of the pixel: the regression of z on the screen
-    /// position, slope = Σ'⁻¹ Σ_k (s_k² − s_min²) t_k m_kz.
-    pub fn surface(&self, scene: &Scene, i: usize, camera: &Camera) -> Option<Surface> {
-        let footprint = self.footprint(scene, i)?;
-        let least = footprint.variances.iter().fold(f64::INFINITY, |a, &b| a.min(b));
-        let [mut xx, mut xy, mut yy] = [SLOPE_FLOOR, 0.0, SLOPE_FLOOR];
-        let mut along = DVec2::ZERO;
-        let mut depth_variance = 0.0;
-        let axes = [footprint.axes.x_axis, footprint.axes.y_axis, footprint.axes.z_axis];
-        for ((v, t), m) in footprint.variances.iter().zip(&footprint.spread).zip(axes) {
-            let flat = v - least;
-            xx += flat * t.x * t.x;
-            xy += flat * t.x * t.y;
-            yy += flat * t.y * t.y;
-            along += *t * (flat * m.z);
-            depth_variance += v * m.z * m.z;
-        }
-        let determinant = xx * yy - xy * xy;
-        let slope = DVec2::new(yy * along.x - xy * along.y, xx * along.y - xy * along.x) / determinant;
-        let slope = if slope.is_finite() { slope } else { DVec2::ZERO };
-        let axis = axes[thinnest_axis(scene.log_scales[i])];
-        let sight = if self.is_pinhole() { footprint.point } else { DVec3::Z };
-        let outward = if axis.dot(sight) > 0.0 { -axis } else { axis };
-        let normal = camera.rotation.transpose() * outward.as_vec3();
-        Some(Surface {
-            depth: footprint.point.z as f32,
-            slope: [slope.x as f32, slope.y as f32],
-            reach: (REACH_SIGMAS * depth_variance.sqrt()).min(SIGMA_MAX) as f32,
-            normal: normal.to_array(),
-        })
-    }
-}
-
-/// The rotation of a quaternion of any length; the caller has checked that it has one.
-fn rotation_matrix(q: DQuat) -> DMat3 {
-    DMat3::from_quat(q.normalize())
-}
-
-/// All Gaussians on the screen, in scene order, and the depths of their centres.
-pub(crate) fn project(scene: &Scene, view: &View, size: [usize; 2]) -> (Vec<Splat>, Vec<f32>) {
-    let size = size.map(|s| s as f64);
-    (0..scene.len())
-        .into_par_iter()
-        .with_min_len(1024)
-        .map(|i| view.splat(scene, i, size).unwrap_or((Splat::UNSEEN, 0.0)))
-        .unzip()
-}
-
-/// Colours of all Gaussians as seen by the camera, not below zero (3DGS); those not seen get black.
-pub(crate) fn colors(scene: &Scene, camera: &Camera, splats: &[Splat]) -> Vec<[f32; 3]> {
-    (0..scene.len())
-        .into_par_iter()
-        .with_min_len(4096)
-        .map(|i| {
-            if splats[i].is_seen() {
-                raw_color(scene, camera, i).map(|c| c.max(0.0))
-            } else {
-                [0.0; 3]
-            }
-        })
-        .collect()
-}
-
-/// Colour of Gaussian `i` before it is held above zero.
-pub(crate) fn raw_color(scene: &Scene, camera: &Camera, i: usize) -> [f32; 3] {
-    let mut color = scene.color(i);
-    if scene.sh_degree > 0 {
-        let basis = sh::basis(scene.sh_degree, camera.direction_to(scene.centers[i]));
-        let bands = sh::bands(scene.sh_degree);
-        for (c, rest) in color.iter_mut().zip(scene.sh_rest_of(i).chunks_exact(bands)) {
-            let sum: f64 = rest.iter().zip(&basis).map(|(&r, y)| f64::from(r) * y).sum();
-            *c += sum as f32;
-        }
-    }
-    color
+    (keys, counts)
 }

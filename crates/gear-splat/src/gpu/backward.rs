@@ -35,10 +35,10 @@ const SHAPE_WORDS: usize = 11;
 
 impl Frame {
     /// Derivatives of a loss by the scene, from its derivatives by the pixels of `rendering`, which must be what
-    /// [`Frame::draw`] gave with colour and coverage wanted.
+    /// [`Frame::draw`] gave. Derivatives by depth and normals are left to the CPU.
     ///
     /// # Panics
-    /// When colour or coverage is missing, or a gradient has not one entry a pixel: a caller's bug.
+    /// When a picture that has gradients was not drawn, or a gradient has not one entry a pixel: a caller's bug.
     pub fn backward(
         &self,
         scene: &Scene,
@@ -47,7 +47,10 @@ impl Frame {
         wanted: Wanted,
     ) -> Result<SceneGradients, GpuError> {
         let gpu = &self.gpu;
-        let shape = wanted == Wanted::All;
+        if !pixels.depth.is_empty() || !pixels.normal.is_empty() {
+            return Err(GpuError::Unsupported("derivatives by depth and normals"));
+        }
+        let shape = wanted.moves_shapes();
         let switches = shape.into();
         let loss = gpu.upload(&self.loss(rendering, pixels))?;
         let sums = gpu.buffer(self.pairs * if shape { 9 } else { 3 })?;
@@ -96,45 +99,63 @@ impl Frame {
         );
         recording.submit();
         let read = gpu.read::<f32>(&[(&by_harmonics, 0), (&by_shape, 0)])?;
-        Ok(gradients(&read[0], stride, shape.then_some(&read[1][..]), self.count))
+        Ok(gradients(
+            &read[0],
+            stride,
+            shape.then_some(&read[1][..]),
+            self.count,
+            wanted,
+        ))
     }
 
     /// `loss` in blend_backward.wgsl. The pictures lie on the host because the loss was computed there.
     fn loss(&self, rendering: &Rendering, pixels: &PixelGradients) -> Vec<f32> {
-        let rgb = rendering.rgb.as_ref().expect("colour was drawn").data();
-        let alpha = rendering.alpha.as_ref().expect("coverage was drawn").data();
-        let count = rgb.len();
-        assert_eq!(pixels.rgb.len(), count, "one colour gradient a pixel");
-        assert!(
-            pixels.alpha.is_empty() || pixels.alpha.len() == count,
-            "one coverage gradient a pixel"
-        );
+        let count = self.size[0] * self.size[1];
+        pixels.check(count);
+        let rgb = rendering.rgb.as_ref().map_or(&[][..], |p| p.data());
+        let alpha = rendering.alpha.as_ref().map_or(&[][..], |p| p.data());
+        assert!(pixels.rgb.is_empty() || rgb.len() == count, "colour was drawn");
+        assert!(pixels.alpha.is_empty() || alpha.len() == count, "coverage was drawn");
         let mut planes = vec![0.0; 5 * count.max(1)];
         for i in 0..count {
-            let g = pixels.rgb[i];
-            let by_alpha = pixels.alpha.get(i).copied().unwrap_or(0.0);
+            let g = pixels.rgb.get(i).copied().unwrap_or_default();
+            let by_alpha = pixels.alpha.get(i).copied().unwrap_or_default();
             let (mut ground, mut shown) = (0.0, 0.0);
             for c in 0..3 {
                 planes[c * count + i] = g[c];
                 ground += g[c] * self.background[c];
-                shown += g[c] * (rgb[i][c] - self.background[c]);
+                shown += g[c] * (rgb.get(i).map_or(0.0, |p| p[c]) - self.background[c]);
             }
             planes[3 * count + i] = by_alpha - ground;
-            planes[4 * count + i] = shown + by_alpha * alpha[i];
+            planes[4 * count + i] = shown + by_alpha * alpha.get(i).copied().unwrap_or_default();
         }
         planes
     }
 }
 
-fn gradients(by_harmonics: &[f32], stride: usize, by_shape: Option<&[f32]>, count: usize) -> SceneGradients {
-    let harmonics = || by_harmonics.chunks_exact(stride).take(count);
-    let shapes = || by_shape.unwrap_or_default().chunks_exact(SHAPE_WORDS).take(count);
+fn gradients(
+    by_harmonics: &[f32],
+    stride: usize,
+    by_shape: Option<&[f32]>,
+    count: usize,
+    wanted: Wanted,
+) -> SceneGradients {
+    let taken = |wanted: bool| if wanted { count } else { 0 };
+    let harmonics = || by_harmonics.chunks_exact(stride).take(taken(wanted.colors));
+    let shapes = |wanted| {
+        by_shape
+            .unwrap_or_default()
+            .chunks_exact(SHAPE_WORDS)
+            .take(taken(wanted))
+    };
     let vec3 = |s: &[f32], at: usize| Vec3::new(s[at], s[at + 1], s[at + 2]);
     SceneGradients {
-        centers: shapes().map(|s| vec3(s, 0)).collect(),
-        log_scales: shapes().map(|s| vec3(s, 3)).collect(),
-        rotations: shapes().map(|s| Vec4::new(s[6], s[7], s[8], s[9])).collect(),
-        opacity_logits: shapes().map(|s| s[10]).collect(),
+        centers: shapes(wanted.centers).map(|s| vec3(s, 0)).collect(),
+        log_scales: shapes(wanted.log_scales).map(|s| vec3(s, 3)).collect(),
+        rotations: shapes(wanted.rotations)
+            .map(|s| Vec4::new(s[6], s[7], s[8], s[9]))
+            .collect(),
+        opacity_logits: shapes(wanted.opacity_logits).map(|s| s[10]).collect(),
         sh_dc: harmonics().map(|h| [h[0], h[1], h[2]]).collect(),
         sh_rest: harmonics().flat_map(|h| &h[3..]).copied().collect(),
     }

@@ -22,6 +22,7 @@ struct Surface {
 override SURFACES: bool = false;
 
 const REACH_SIGMAS: f32 = 3.3290429;
+const EDGE_ON: f32 = 1e-5;
 // Variance in px² that keeps the slope of an edge-on surfel's plane finite.
 const SLOPE_FLOOR: f32 = 1e-4;
 
@@ -121,7 +122,7 @@ fn surface(gaussian: Gaussian) -> Surface {
     let reach = min(REACH_SIGMAS * most * length(extent / most), 1e30);
     let axis = thinnest_axis(f.axes, gaussian.log_scale_valid.xyz);
     let sight = select(vec3(0.0, 0.0, 1.0), f.point, is_pinhole(view));
-    let outward = select(axis, -axis, dot(axis, normalize(sight)) > 0.0);
+    let outward = select(axis, -axis, dot(axis, normalize(sight)) > EDGE_ON);
     return Surface(vec4(to_world(view, outward), reach), slope / f.unit, vec2(0.0));
 }
 

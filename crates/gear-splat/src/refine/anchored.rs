@@ -149,7 +149,7 @@ impl Anchored {
         if self.scene.sh_degree == 0 {
             self.restrain_colors();
         }
-        if phase == Wanted::All {
+        if phase == Wanted::ALL {
             self.restrain();
         }
         skipped

@@ -174,7 +174,10 @@ impl Target {
                 *pixel = [0, 1, 2].map(|c| planes[c][y * width + x]);
             }
         }
-        PixelGradients { rgb, alpha: Vec::new() }
+        PixelGradients {
+            rgb,
+            ..PixelGradients::default()
+        }
     }
 
     /// Peak signal-to-noise ratio over pixels with at least half of the largest weight, colours held to [0, 1].

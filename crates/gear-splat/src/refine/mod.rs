@@ -186,8 +186,8 @@ pub fn refine(
     let first = run.look(0);
     run.note(first);
     for (phase, iterations) in [
-        (Wanted::Color, options.color_iterations),
-        (Wanted::All, options.iterations),
+        (Wanted::COLORS, options.color_iterations),
+        (Wanted::ALL, options.iterations),
     ] {
         for step in 1..=iterations {
             if run.status == Status::NotFinite {
@@ -281,10 +281,10 @@ impl<'a> Run<'a> {
     fn step(&mut self, phase: Wanted, total: usize) {
         let views = self.targets.len();
         let each = self.options.views_per_step.clamp(1, views);
-        if phase == Wanted::Color && self.frames.is_empty() {
+        if phase == Wanted::COLORS && self.frames.is_empty() {
             self.frames = (0..views).map(|view| self.frame(view)).collect();
         }
-        if phase == Wanted::All {
+        if phase == Wanted::ALL {
             self.frames.clear();
         }
         // The gradient of the sum over all views, estimated from a few. A view's frequency in the schedule is its share
@@ -293,7 +293,7 @@ impl<'a> Run<'a> {
         for k in 0..each {
             let view = self.schedule[(self.done * each + k) % self.schedule.len()];
             let fresh;
-            let frame = if phase == Wanted::Color {
+            let frame = if phase == Wanted::COLORS {
                 self.frames[view].recolor(&self.anchored.scene);
                 &self.frames[view]
             } else {

@@ -260,9 +260,9 @@ fn attributes_stay_within_their_limits() {
     for _ in 0..10 {
         let frame = Frame::new(&anchored.scene, &target.camera, &options.render, Outputs::RGBA);
         let picture = frame.draw();
-        let gradients = frame.backward(&anchored.scene, &picture, &target.gradient(&picture, 1.0), Wanted::All);
+        let gradients = frame.backward(&anchored.scene, &picture, &target.gradient(&picture, 1.0), Wanted::ALL);
         anchored.gather(&gradients);
-        anchored.step(Wanted::All, 1.0);
+        anchored.step(Wanted::ALL, 1.0);
         for i in 0..scene.len() {
             let scales = anchored.scene.scales(i);
             assert!(
@@ -292,7 +292,7 @@ fn a_gaussian_whose_gradient_is_not_finite_is_left_out_and_counted() {
     };
     gradients.opacity_logits[3] = f32::NAN;
     anchored.gather(&gradients);
-    assert_eq!(anchored.step(Wanted::All, 1.0), 1);
+    assert_eq!(anchored.step(Wanted::ALL, 1.0), 1);
     assert_eq!(anchored.scene.centers[3], scene.centers[3]);
     assert_ne!(anchored.scene.centers[2], scene.centers[2]);
     assert_eq!(anchored.scene.count_invalid(), 0);

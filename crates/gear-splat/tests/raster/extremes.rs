@@ -1,6 +1,8 @@
 //! Adversarial scenes, each against the reference.
 
-use gear_splat::{Camera, Gaussian, Outputs, RenderOptions, Scene, render};
+use gear_splat::cpu::Frame;
+use gear_splat::render::{Counts, PixelGradients, Wanted};
+use gear_splat::{Camera, FRONT_DISTANCE, Gaussian, Outputs, RenderOptions, Scene, ScreenFilter, render};
 use glam::{Quat, Vec3};
 
 use crate::agreement::assert_agrees;
@@ -149,11 +151,203 @@ fn invalid_gaussians_are_as_if_absent() {
     }
 }
 
+/// What a stack hides is not there: T falls below 1e-4 within the first thousand.
+fn assert_front_decides(stack: &Scene, camera: &Camera) {
+    let draw = |scene: &Scene| render(scene, camera, &RenderOptions::default(), Outputs::RGBA);
+    let whole = draw(stack);
+    assert!(whole.alpha.as_ref().unwrap().at(8, 8) > 0.999);
+    assert_eq!(whole, draw(&stack.filtered(|i| i < 1000)));
+}
+
 #[test]
-fn a_hundred_thousand_gaussians_in_one_pixel() {
-    let stack = scene((0..100_000).map(|i| gaussian(Vec3::Z * 1e-5 * i as f32, Vec3::splat(1e-4), 0.05)));
-    let picture = render(&stack, &Camera::front(16, 16), &RenderOptions::default(), Outputs::ALL);
-    assert!(picture.alpha.unwrap().at(8, 8) > 0.5);
+fn a_million_gaussians_in_one_pixel_show_the_front_ones() {
+    let camera = Camera::front(16, 16);
+    let at = camera.unproject(8.0, 8.0, FRONT_DISTANCE);
+    assert_front_decides(
+        &scene((0..1_000_000).map(|i| gaussian(at - Vec3::Z * 1e-6 * i as f32, Vec3::splat(1e-4), 0.05))),
+        &camera,
+    );
+}
+
+#[test]
+fn of_a_million_coincident_gaussians_the_first_in_the_scene_are_in_front() {
+    let mut random = Random(6);
+    let many = scene((0..1_000_000).map(|_| Gaussian {
+        color: [random.next(), random.next(), random.next()],
+        ..gaussian(Vec3::ZERO, Vec3::splat(2.0), 0.05)
+    }));
+    assert_front_decides(&many, &Camera::front(16, 16));
+}
+
+/// Opacity 0 (logit −16) is left out, opacity 1 is held at α = 0.99. Logits beyond are as good as these.
+#[test]
+fn opacity_exactly_zero_and_one_and_logits_beyond() {
+    let camera = Camera::front(9, 9);
+    let mut one = scene([gaussian(Vec3::ZERO, Vec3::splat(10.0), 0.0)]);
+    let draw = |scene: &Scene| Frame::new(scene, &camera, &RenderOptions::default(), Outputs::RGBA);
+    for logit in [gear_splat::logit(0.0), -80.0, -1e30, f32::MIN] {
+        one.opacity_logits[0] = logit;
+        assert_eq!(draw(&one).counts().transparent, 1);
+        assert_eq!(draw(&one).draw().alpha.unwrap().at(4, 4), 0.0);
+    }
+    for logit in [gear_splat::logit(1.0), 80.0, 1e30, f32::MAX] {
+        one.opacity_logits[0] = logit;
+        assert_eq!(draw(&one).draw().alpha.unwrap().at(4, 4), 0.99);
+    }
+}
+
+/// f32 holds 1e6 in steps of 1/16: detail of 1e-3 is gone from the centres before anything is drawn, but not from the
+/// scales. What is left is drawn as exactly as near the origin.
+#[test]
+fn coordinates_of_a_million_with_detail_of_a_thousandth() {
+    let far = Vec3::new(1e6, -1e6, 1e6);
+    let mut random = Random(13);
+    let detail = scene((0..100).map(|_| Gaussian {
+        rotation: random.rotation(),
+        ..gaussian(far + random.vec3(0.5), Vec3::splat(1e-3) + random.vec3(5e-4), 0.9)
+    }));
+    for (camera, eye) in [
+        (Camera::front(40, 40), far),
+        (Camera::front_pinhole(40, 40, 0.8), far),
+        (
+            Camera::look_at(far + Vec3::Z * 2.0, far, Vec3::Y, 40, 40, 100.0),
+            Vec3::ZERO,
+        ),
+    ] {
+        let camera = Camera {
+            translation: camera.translation - camera.rotation * eye,
+            ..camera
+        };
+        let slow = assert_agrees(&detail, &camera, &RenderOptions::default());
+        assert!(slow.alpha.iter().any(|&a| a > 0.1), "something must be seen");
+    }
+}
+
+#[test]
+fn a_picture_of_8192_squared_holds_a_gaussian_in_its_last_pixel() {
+    let camera = Camera::front(8192, 8192);
+    let corner = camera.unproject(8191.0, 8191.0, FRONT_DISTANCE);
+    let outputs = Outputs {
+        alpha: true,
+        ..Outputs::default()
+    };
+    let all = scene([
+        gaussian(corner, Vec3::splat(1e-4), 0.9),
+        gaussian(Vec3::ZERO, Vec3::splat(1e30), 0.5),
+    ]);
+    let alpha = render(&all, &camera, &RenderOptions::default(), outputs).alpha.unwrap();
+    assert!((alpha.at(0, 0) - 0.5).abs() < 1e-5 && (alpha.at(8191, 8191) - 0.95).abs() < 1e-4);
+}
+
+/// Without closing covered tiles this would be 256 million entries, a gigabyte.
+#[test]
+fn many_gaussians_larger_than_the_picture_take_little_memory() {
+    let camera = Camera::front(512, 512);
+    let many = scene((0..500_000).map(|i| gaussian(Vec3::Z * 1e-6 * i as f32, Vec3::splat(3.0), 0.6)));
+    let frame = Frame::new(&many, &camera, &RenderOptions::default(), Outputs::RGBA);
+    assert!(frame.pairs() < 512 * 16 * 20, "{} entries", frame.pairs());
+    assert!(frame.draw().alpha.unwrap().data().iter().all(|&a| a > 0.9998));
+}
+
+#[test]
+fn closing_covered_tiles_changes_no_bit() {
+    let mut random = Random(19);
+    let layers = scene((0..400).map(|_| Gaussian {
+        color: [random.next(), random.next(), random.next()],
+        rotation: random.rotation(),
+        ..gaussian(
+            random.vec3(0.4),
+            Vec3::splat(0.2) + random.vec3(0.19),
+            random.within(0.1, 0.9),
+        )
+    }));
+    for camera in cameras(100, 90) {
+        assert_agrees(&layers, &camera, &RenderOptions::default());
+    }
+}
+
+#[test]
+fn what_is_left_out_is_counted_by_its_first_cause() {
+    let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 30, 30, 40.0);
+    let mut all = scene([
+        gaussian(Vec3::ZERO, Vec3::splat(0.1), 0.9),
+        gaussian(Vec3::X * 50.0, Vec3::splat(0.1), 0.9),
+        gaussian(Vec3::ZERO, Vec3::splat(0.1), 0.003),
+        gaussian(Vec3::Z * 2.0, Vec3::splat(0.1), 0.003),
+        gaussian(Vec3::Z * f32::NAN, Vec3::splat(0.1), 0.9),
+        gaussian(Vec3::ZERO, Vec3::splat(0.1), 0.9),
+    ]);
+    all.log_scales[5].y = f32::INFINITY;
+    let frame = Frame::new(&all, &camera, &RenderOptions::default(), Outputs::RGBA);
+    let expected = Counts {
+        invalid: 2,
+        behind: 1,
+        transparent: 1,
+        outside: 1,
+        seen: 1,
+    };
+    assert_eq!(frame.counts(), expected);
+}
+
+#[test]
+fn higher_coefficients_that_are_zero_change_no_bit() {
+    let plain = cloud(200, 23, 0.02, 0.1, 0);
+    let zeros = Scene {
+        sh_degree: 3,
+        sh_rest: vec![0.0; 200 * 45],
+        ..plain.clone()
+    };
+    for camera in cameras(30, 30) {
+        let draw = |scene: &Scene| render(scene, &camera, &RenderOptions::default(), Outputs::RGBA);
+        assert_eq!(draw(&plain), draw(&zeros));
+    }
+}
+
+/// By colour and coverage all are finite. By depth one may be beyond f32: the plane of a ball of 1e30 turns with any
+/// change of its shape; such a derivative is infinite, and still not NaN.
+#[test]
+fn gradients_of_extreme_scenes_are_finite_or_beyond_f32_but_never_nan() {
+    let mut random = Random(29);
+    let extreme = scene([
+        gaussian(Vec3::ZERO, Vec3::splat(1e30), 0.9),
+        gaussian(Vec3::ZERO, Vec3::splat(1e-40), 1.0),
+        gaussian(Vec3::X * 0.1, Vec3::new(1.0, 1e-6, 1e-6), 1.0),
+        gaussian(Vec3::Y * 0.1, Vec3::new(1e-7, 0.2, 0.3), 0.95),
+        gaussian(Vec3::Z * 0.1, Vec3::new(0.2, 0.1, 1e-20), 1.0 / 255.0 + 1e-6),
+        gaussian(Vec3::X * 1e6, Vec3::splat(1e6), 0.9),
+    ]);
+    let count = 24 * 24;
+    let by_color = PixelGradients {
+        rgb: (0..count).map(|_| random.vec3(1.0).to_array()).collect(),
+        alpha: vec![1.0; count],
+        ..PixelGradients::default()
+    };
+    let by_all = PixelGradients {
+        depth: vec![1.0; count],
+        normal: (0..count).map(|_| random.vec3(1.0).to_array()).collect(),
+        ..by_color.clone()
+    };
+    for camera in cameras(24, 24) {
+        for filter in [ScreenFilter::Dilate(0.3), ScreenFilter::AntiAlias(0.1)] {
+            let options = RenderOptions {
+                filter,
+                ..RenderOptions::default()
+            };
+            let frame = Frame::new(&extreme, &camera, &options, Outputs::ALL);
+            let numbers = |pixels: &PixelGradients| {
+                let g = frame.backward(&extreme, &frame.draw(), pixels, Wanted::ALL);
+                let triples = [g.centers, g.log_scales]
+                    .concat()
+                    .into_iter()
+                    .flat_map(|v| v.to_array());
+                let rotations = g.rotations.into_iter().flat_map(|v| v.to_array());
+                let all = triples.chain(rotations).chain(g.opacity_logits);
+                all.chain(g.sh_dc.into_flattened()).collect::<Vec<f32>>()
+            };
+            assert!(numbers(&by_color).iter().all(|g| g.is_finite()));
+            assert!(numbers(&by_all).iter().all(|g| !g.is_nan()));
+        }
+    }
 }
 
 #[test]

@@ -59,8 +59,8 @@ pub fn assert_gradients_agree(
     let Some(gpu) = shared() else { return };
     let frame = Frame::new(gpu, scene, camera, options, Outputs::RGBA).unwrap();
     let picture = frame.draw().unwrap();
-    compare_gradients(&frame.backward(scene, &picture, pixels, Wanted::All).unwrap(), cpu);
-    let colors = frame.backward(scene, &picture, pixels, Wanted::Color).unwrap();
+    compare_gradients(&frame.backward(scene, &picture, pixels, Wanted::ALL).unwrap(), cpu);
+    let colors = frame.backward(scene, &picture, pixels, Wanted::COLORS).unwrap();
     let only_colors = SceneGradients {
         sh_dc: cpu.sh_dc.clone(),
         sh_rest: cpu.sh_rest.clone(),
@@ -97,6 +97,7 @@ fn random_loss(camera: &Camera, seed: u64) -> PixelGradients {
     PixelGradients {
         rgb: (0..count).map(|_| random.vec3(1.0).to_array()).collect(),
         alpha: (0..count).map(|_| random.within(-1.0, 1.0)).collect(),
+        ..PixelGradients::default()
     }
 }
 
@@ -109,14 +110,14 @@ fn a_scene_of_many_blocks_and_tiles_agrees_with_the_cpu() {
         let loss = random_loss(&camera, 5);
         let frame = cpu::Frame::new(&scene, &camera, &options, Outputs::RGBA);
         let picture = frame.draw();
-        let gradients = frame.backward(&scene, &picture, &loss, Wanted::All);
+        let gradients = frame.backward(&scene, &picture, &loss, Wanted::ALL);
         let twin = Frame::new(gpu, &scene, &camera, &options, Outputs::RGBA).unwrap();
         let drawn = twin.draw().unwrap();
         let (a, b) = (drawn.rgb.as_ref().unwrap(), picture.rgb.as_ref().unwrap());
         let worst = a.data().iter().flatten().zip(b.data().iter().flatten());
         let worst = worst.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst <= 1.0 / 255.0, "{worst}");
-        compare_gradients(&twin.backward(&scene, &drawn, &loss, Wanted::All).unwrap(), &gradients);
+        compare_gradients(&twin.backward(&scene, &drawn, &loss, Wanted::ALL).unwrap(), &gradients);
     }
 }
 
@@ -131,7 +132,7 @@ fn the_same_bits_on_every_run_and_every_opening() {
     let run = |gpu: &Arc<Gpu>| {
         let frame = Frame::new(gpu, &scene, &camera, &RenderOptions::default(), Outputs::RGBA).unwrap();
         let picture = frame.draw().unwrap();
-        let gradients = frame.backward(&scene, &picture, &loss, Wanted::All).unwrap();
+        let gradients = frame.backward(&scene, &picture, &loss, Wanted::ALL).unwrap();
         (picture, gradients)
     };
     let first = run(gpu);
@@ -205,7 +206,7 @@ fn gradients_of_extreme_scenes_are_numbers() {
                 .all(|x| x.is_finite())
         );
         let gradients = frame
-            .backward(&extreme, &picture, &random_loss(&camera, 4), Wanted::All)
+            .backward(&extreme, &picture, &random_loss(&camera, 4), Wanted::ALL)
             .unwrap();
         let finite = |v: &[Vec3]| v.iter().all(|v| v.is_finite());
         assert!(finite(&gradients.centers) && finite(&gradients.log_scales));
@@ -236,9 +237,9 @@ fn assert_is_the_cpu(device: &Device) {
         let mut frame = device.frame(&scene, &camera, &options, Outputs::RGBA).unwrap();
         let picture = frame.draw(&scene).unwrap();
         assert_eq!(picture, expected);
-        let gradients = frame.backward(&scene, &picture, &loss, Wanted::Color).unwrap();
+        let gradients = frame.backward(&scene, &picture, &loss, Wanted::COLORS).unwrap();
         let cpu = cpu::Frame::new(&scene, &camera, &options, Outputs::RGBA);
-        assert_eq!(gradients, cpu.backward(&scene, &expected, &loss, Wanted::Color));
+        assert_eq!(gradients, cpu.backward(&scene, &expected, &loss, Wanted::COLORS));
     }
 }
 

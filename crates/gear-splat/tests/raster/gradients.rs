@@ -1,6 +1,6 @@
 //! Analytic f32 gradients against central differences of the f64 reference.
 //!
-//! The loss is a random linear function of colour and coverage. Step 1e-6: the difference quotient is then good
+//! The loss is a random linear function of colour and coverage, and of depth and normals in tests that say so. Step 1e-6: the difference quotient is then good
 //! to about 1e-8 of the loss's curvature scale, and the chance that a step moves some pixel across the 1/255
 //! cut, which would break the quotient, is small; the seeds are chosen once and stay. The bound, 2e-3 of the
 //! attribute's largest derivative, is what f32 sums over some thousand pixels with cancelling signs leave.
@@ -23,17 +23,27 @@ fn loss(
     pixels: &PixelGradients,
 ) -> f64 {
     let picture = reference::render_gaussians(gaussians, degree, camera, options);
+    let dot = |a: &[f64; 3], b: &[f32; 3]| (0..3).map(|c| a[c] * f64::from(b[c])).sum::<f64>();
     let mut total = 0.0;
     for i in 0..picture.rgb.len() {
-        for c in 0..3 {
-            total += picture.rgb[i][c] * f64::from(pixels.rgb[i][c]);
+        total += dot(&picture.rgb[i], &pixels.rgb[i]) + picture.alpha[i] * f64::from(pixels.alpha[i]);
+        if let Some(g) = pixels.depth.get(i)
+            && picture.depth[i].is_finite()
+        {
+            total += picture.depth[i] * f64::from(*g);
         }
-        total += picture.alpha[i] * f64::from(pixels.alpha[i]);
+        if let Some(g) = pixels.normal.get(i) {
+            total += dot(&picture.normal[i], g);
+        }
     }
     total
 }
 
 fn assert_gradients(scene: &Scene, camera: &Camera, options: &RenderOptions) {
+    assert_gradients_of(scene, camera, options, false);
+}
+
+fn assert_gradients_of(scene: &Scene, camera: &Camera, options: &RenderOptions, surfaces: bool) {
     let mut random = Random(77);
     let count = (camera.width * camera.height) as usize;
     let pixels = PixelGradients {
@@ -47,13 +57,26 @@ fn assert_gradients(scene: &Scene, camera: &Camera, options: &RenderOptions) {
             })
             .collect(),
         alpha: (0..count).map(|_| random.within(-1.0, 1.0)).collect(),
+        ..PixelGradients::default()
     };
-    let frame = Frame::new(scene, camera, options, Outputs::RGBA);
-    let fast = frame.backward(scene, &frame.draw(), &pixels, Wanted::All);
-    let colors = frame.backward(scene, &frame.draw(), &pixels, Wanted::Color);
+    let pixels = PixelGradients {
+        depth: (0..if surfaces { count } else { 0 })
+            .map(|_| random.within(-1.0, 1.0))
+            .collect(),
+        normal: (0..if surfaces { count } else { 0 })
+            .map(|_| random.vec3(1.0).to_array())
+            .collect(),
+        ..pixels
+    };
+    let outputs = if surfaces { Outputs::ALL } else { Outputs::RGBA };
+    let frame = Frame::new(scene, camera, options, outputs);
+    let fast = frame.backward(scene, &frame.draw(), &pixels, Wanted::ALL);
+    let colors = frame.backward(scene, &frame.draw(), &pixels, Wanted::COLORS);
     assert_eq!(fast.sh_dc, colors.sh_dc, "colours alone get the same gradient");
     #[cfg(feature = "gpu")]
-    crate::gpu::assert_gradients_agree(scene, camera, options, &pixels, &fast);
+    if !surfaces {
+        crate::gpu::assert_gradients_agree(scene, camera, options, &pixels, &fast);
+    }
 
     let start = reference::gaussians(scene);
     let difference = |change: &dyn Fn(&mut Gaussian64, f64), i: usize| {
@@ -164,4 +187,89 @@ fn outside_the_clamp_of_the_jacobian_gradients_agree() {
     let point = camera.to_camera(scene.centers[0]).as_dvec3();
     assert!(DVec3::new(point.x / point.z, 0.0, 0.0).x > f64::from(camera.jacobian_limit()[0]));
     assert_gradients(&scene, &camera, &RenderOptions::default());
+}
+
+#[test]
+fn gradients_by_depth_and_normals_agree() {
+    for (k, camera) in cameras(24, 20).into_iter().enumerate() {
+        assert_gradients_of(
+            &cloud(8, 31 + k as u64, 0.03, 0.3, 0),
+            &camera,
+            &RenderOptions::default(),
+            true,
+        );
+    }
+}
+
+#[test]
+fn gradients_by_depth_and_normals_of_discs_and_needles_agree() {
+    let mut random = Random(41);
+    let mut scene = Scene::default();
+    for (scales, opacity) in [
+        (Vec3::new(0.3, 0.2, 2e-3), 0.8),
+        (Vec3::new(0.01, 0.2, 0.25), 0.6),
+        (Vec3::new(0.4, 0.01, 0.012), 0.7),
+    ] {
+        scene.push(Gaussian {
+            center: random.vec3(0.15),
+            scales,
+            rotation: random.rotation(),
+            opacity,
+            color: [random.next(), random.next(), random.next()],
+        });
+    }
+    for camera in cameras(24, 24) {
+        assert_gradients_of(&scene, &camera, &RenderOptions::default(), true);
+    }
+}
+
+#[test]
+fn a_loss_on_the_depth_alone_moves_the_geometry() {
+    let scene = cloud(30, 7, 0.05, 0.2, 0);
+    let [_, camera] = cameras(32, 32);
+    let outputs = Outputs {
+        depth: true,
+        ..Outputs::default()
+    };
+    let frame = Frame::new(&scene, &camera, &RenderOptions::default(), outputs);
+    let pixels = PixelGradients {
+        depth: vec![1.0; 32 * 32],
+        ..PixelGradients::default()
+    };
+    let gradients = frame.backward(&scene, &frame.draw(), &pixels, Wanted::ALL);
+    assert!(gradients.centers.iter().any(|g| g.length() > 0.1));
+    assert!(gradients.sh_dc.iter().flatten().all(|&g| g == 0.0));
+}
+
+#[test]
+fn frozen_groups_are_absent_and_the_others_do_not_depend_on_them() {
+    let scene = cloud(300, 17, 0.01, 0.1, 1);
+    let [_, camera] = cameras(40, 40);
+    let frame = Frame::new(&scene, &camera, &RenderOptions::default(), Outputs::RGBA);
+    let picture = frame.draw();
+    let pixels = PixelGradients {
+        rgb: vec![[1.0, -0.5, 0.25]; 1600],
+        ..PixelGradients::default()
+    };
+    let all = frame.backward(&scene, &picture, &pixels, Wanted::ALL);
+    for bits in 0..32u8 {
+        let on = |bit: u8| bits & (1 << bit) != 0;
+        let wanted = Wanted {
+            centers: on(0),
+            log_scales: on(1),
+            rotations: on(2),
+            opacity_logits: on(3),
+            colors: on(4),
+        };
+        let some = frame.backward(&scene, &picture, &pixels, wanted);
+        fn same<T: PartialEq>(some: &[T], all: &[T], wanted: bool) -> bool {
+            if wanted { some == all } else { some.is_empty() }
+        }
+        assert!(same(&some.centers, &all.centers, on(0)), "{bits:b}");
+        assert!(same(&some.log_scales, &all.log_scales, on(1)), "{bits:b}");
+        assert!(same(&some.rotations, &all.rotations, on(2)), "{bits:b}");
+        assert!(same(&some.opacity_logits, &all.opacity_logits, on(3)), "{bits:b}");
+        assert!(same(&some.sh_dc, &all.sh_dc, on(4)), "{bits:b}");
+        assert!(same(&some.sh_rest, &all.sh_rest, on(4)), "{bits:b}");
+    }
 }
