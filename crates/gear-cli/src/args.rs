@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use gear_splat::DeviceChoice;
 
 const AFTER: &str = "\
 Begin with:
@@ -130,6 +131,9 @@ pub struct PlanArgs {
     /// Keep and use also the results of nodes that do not promise the same bits again
     #[arg(long, conflicts_with = "no_cache")]
     pub cache_nondeterministic: bool,
+    /// What rasterises: the CPU, or a GPU (by a part of its name); `auto` takes one that is not played by the CPU
+    #[arg(long, value_name = "auto|cpu|gpu[:NAME]", default_value_t)]
+    pub device: DeviceChoice,
     /// Compute also what is not needed: every input that is wired, whatever parameters and values say; to compare
     #[arg(long)]
     pub no_elision: bool,

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use gear_graph::{Mistakes, RunMistake, Unreadable};
+use gear_splat::DeviceError;
 
 /// How the process ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +49,9 @@ pub enum CliError {
         /// As given.
         given: String,
     },
+    /// A GPU is required and there is none.
+    #[error("{0}; without GEAR_REQUIRE_GPU=1 the CPU does it")]
+    Device(DeviceError),
     /// An input is given twice.
     #[error("--input {name}: given more than once")]
     InputTwice {

@@ -205,6 +205,12 @@ impl Device {
         }
     }
 
+    /// The device that a run lends ([`gear_graph::Run::resource`]); the CPU if it lends none.
+    #[cfg(feature = "graph")]
+    pub fn lent(resources: &gear_graph::Resources) -> Self {
+        resources.get().cloned().unwrap_or_default()
+    }
+
     /// Where results computed here are valid: `cpu`, or `gpu:adapter:driver`.
     pub fn realm(&self) -> String {
         #[cfg(feature = "gpu")]
@@ -356,6 +362,13 @@ impl Frame {
             #[cfg(feature = "gpu")]
             Self::Gpu(_) => unreachable!("the frame was moved to the CPU above"),
         }
+    }
+}
+
+#[cfg(feature = "graph")]
+impl From<DeviceError> for gear_graph::NodeError {
+    fn from(error: DeviceError) -> Self {
+        Self::new(error.to_string())
     }
 }
 

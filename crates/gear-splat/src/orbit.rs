@@ -2,7 +2,7 @@
 
 use gear_image::{Rgb, SrgbImage};
 
-use crate::{Bounds, Camera, Outputs, RenderOptions, Scene, View, render};
+use crate::{Bounds, Camera, Device, DeviceError, Outputs, RenderOptions, Rendering, Scene, View, render};
 
 /// A frame that is widened to hold a scene grows to at most so many times its longer side. A turned box of a
 /// painting's size needs √3; only scenes with strays far away ask for more.
@@ -63,17 +63,36 @@ fn extent(scene: &Scene) -> Option<Bounds> {
     })
 }
 
-/// Renders one view. `everything`: coverage, depth and normals too, not only colour.
+/// Renders one view on the CPU. `everything`: coverage, depth and normals too, not only colour.
 pub fn view(scene: &Scene, camera: &Camera, name: String, options: &RenderOptions, everything: bool) -> View {
-    let outputs = if everything {
+    shown(camera, name, render(scene, camera, options, outputs(everything)))
+}
+
+/// As [`view`], on `device`.
+pub fn view_on(
+    device: &Device,
+    scene: &Scene,
+    camera: &Camera,
+    name: String,
+    options: &RenderOptions,
+    everything: bool,
+) -> Result<View, DeviceError> {
+    let picture = device.render(scene, camera, options, outputs(everything))?;
+    Ok(shown(camera, name, picture))
+}
+
+fn outputs(everything: bool) -> Outputs {
+    if everything {
         Outputs::ALL
     } else {
         Outputs {
             rgb: true,
             ..Outputs::default()
         }
-    };
-    let mut picture = render(scene, camera, options, outputs);
+    }
+}
+
+fn shown(camera: &Camera, name: String, mut picture: Rendering) -> View {
     let depth = picture.surface_depth();
     let rgb = picture.rgb.take().map_or_else(|| Rgb::filled(0, 0, [0.0; 3]), clamped);
     View {

@@ -8,9 +8,9 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use gear_graph::{Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Want, Wanted};
-use gear_splat::refine::{Rates, RefineError, RefineOptions, Refined, Status, Step, refine};
-use gear_splat::{Scene, Views};
+use gear_graph::{Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Resources, Want, Wanted};
+use gear_splat::refine::{Rates, RefineError, RefineOptions, Refined, Status, Step, refine_on};
+use gear_splat::{Device, Scene, Views};
 use serde_json::{Value, json};
 
 /// Fits a scene to target views without letting it drift from where it started.
@@ -93,6 +93,10 @@ impl Node for Refine {
     type Inputs = In;
     type Outputs = Out;
 
+    fn realm(&self, resources: &Resources) -> String {
+        Device::lent(resources).realm()
+    }
+
     fn run(&self, inputs: In, want: &Want, ctx: &Context) -> Result<Out, NodeError> {
         let (scene, targets) = (inputs.scene, inputs.targets);
         scene.validate().map_err(|e| NodeError::input("scene", e.to_string()))?;
@@ -100,9 +104,13 @@ impl Node for Refine {
         if dropped > 0 {
             ctx.note(format!("{dropped} Gaussians were not finite and are left out"));
         }
-        let refined = refine(&valid, &targets, &self.options(), &mut |step| observe(step, ctx));
+        let device = Device::lent(ctx.resources());
+        let refined = refine_on(&device, &valid, &targets, &self.options(), &mut |step| {
+            observe(step, ctx)
+        });
         let refined = refined.map_err(|error| match error {
             RefineError::Interrupted => NodeError::Cancelled,
+            RefineError::Device(e) => e.into(),
             RefineError::Scene(e) => NodeError::input("scene", e.to_string()),
             RefineError::View { .. } => NodeError::input("targets", error.to_string()),
         })?;

@@ -6,8 +6,8 @@
 
 use std::sync::Arc;
 
-use gear_graph::{Choice, Context, Inputs, Node, NodeError, Outputs, Params, Registry, Want};
-use gear_splat::{RenderOptions, Scene, Views, orbit};
+use gear_graph::{Choice, Context, Inputs, Node, NodeError, Outputs, Params, Registry, Resources, Want};
+use gear_splat::{Device, RenderOptions, Scene, Views, orbit};
 
 /// Pictures of a scene from several directions: colour, coverage, depth and normals.
 #[derive(Clone, Debug, Params)]
@@ -58,6 +58,10 @@ impl Node for RenderViews {
     type Inputs = In;
     type Outputs = Out;
 
+    fn realm(&self, resources: &Resources) -> String {
+        Device::lent(resources).realm()
+    }
+
     fn run(&self, inputs: In, _want: &Want, ctx: &Context) -> Result<Out, NodeError> {
         let scene = valid_part(&inputs.scene, ctx)?;
         let yaws = self.yaws();
@@ -65,6 +69,7 @@ impl Node for RenderViews {
         if self.orbit.is_some() {
             orbit::with_common_frame(&mut cameras);
         }
+        let device = Device::lent(ctx.resources());
         let options = RenderOptions::default();
         let everything = self.channels == Channels::All;
         let mut views = Views::default();
@@ -72,9 +77,8 @@ impl Node for RenderViews {
             ctx.checkpoint()?;
             ctx.progress_with(i as f64 / yaws.len() as f64, orbit::yaw_name(*yaw));
             let name = orbit::yaw_name(*yaw);
-            views
-                .views
-                .push(orbit::view(&scene, camera, name, &options, everything));
+            let view = orbit::view_on(&device, &scene, camera, name, &options, everything)?;
+            views.views.push(view);
         }
         Ok(Out { views: Arc::new(views) })
     }

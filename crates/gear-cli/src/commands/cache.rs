@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use gear_graph::{Archived, Registry, Store, StoreStat};
+use gear_splat::DeviceChoice;
 
 use crate::args::{CacheCommand, ExportArgs, GraphArgs, PlanArgs, StoreArgs, TextFormat};
 use crate::console::Console;
@@ -195,6 +196,7 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
                 fresh: Vec::new(),
                 no_cache: false,
                 cache_nondeterministic: false,
+                device: DeviceChoice::default(),
                 no_elision: false,
             };
             let store = Arc::new(store);

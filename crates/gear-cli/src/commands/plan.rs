@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use gear_graph::{Graph, PlannedState, Registry, Run, Store};
+use gear_splat::{Device, Fallback};
 
 use crate::args::PlanArgs;
 use crate::console::Console;
@@ -80,6 +81,8 @@ pub fn set_up<'g>(args: &PlanArgs, graph: &'g Graph, store: Option<Arc<Store>>) 
     for node in &args.fresh {
         run = run.fresh(node.clone());
     }
+    let fallback = Fallback::telling(|why| Console::new().warning(why)).unless_required();
+    run = run.resource(Device::open(&args.device, fallback).map_err(CliError::Device)?);
     if args.no_elision {
         run = run.no_elision();
     }

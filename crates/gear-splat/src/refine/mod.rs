@@ -20,7 +20,7 @@ mod ssim;
 
 use std::ops::ControlFlow;
 
-use crate::cpu::Frame;
+use crate::device::{Device, DeviceError, Frame};
 use crate::render::Wanted;
 use crate::{Outputs, RenderOptions, Scene, SceneError, Views};
 use anchored::Anchored;
@@ -153,6 +153,9 @@ pub enum RefineError {
         /// What was found and what was expected.
         problem: String,
     },
+    /// A GPU is required and did not do it.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
     /// The observer asked to stop.
     #[error("interrupted")]
     Interrupted,
@@ -169,8 +172,19 @@ pub struct Step {
     pub loss: f64,
 }
 
-/// Refines `scene` against `targets`. `observe` is called after every step and may break off.
+/// [`refine_on`] the CPU.
 pub fn refine(
+    scene: &Scene,
+    targets: &Views,
+    options: &RefineOptions,
+    observe: &mut dyn FnMut(Step) -> ControlFlow<()>,
+) -> Result<Refined, RefineError> {
+    refine_on(&Device::cpu(), scene, targets, options, observe)
+}
+
+/// Refines `scene` against `targets`, rasterising on `device`. `observe` is called after every step and may break off.
+pub fn refine_on(
+    device: &Device,
     scene: &Scene,
     targets: &Views,
     options: &RefineOptions,
@@ -178,12 +192,12 @@ pub fn refine(
 ) -> Result<Refined, RefineError> {
     scene.validate()?;
     let targets = Target::all(targets, options.ssim as f32, scene.canonical_camera.as_ref())?;
-    let mut run = Run::new(scene, targets, options);
+    let mut run = Run::new(device, scene, targets, options);
     if run.targets.is_empty() || scene.is_empty() {
         return Ok(run.untouched());
     }
     let total = options.color_iterations + options.iterations;
-    let first = run.look(0);
+    let first = run.look(0)?;
     run.note(first);
     for (phase, iterations) in [
         (Wanted::COLORS, options.color_iterations),
@@ -193,7 +207,7 @@ pub fn refine(
             if run.status == Status::NotFinite {
                 break;
             }
-            run.step(phase, total);
+            run.step(phase, total)?;
             let seen = Step {
                 iteration: run.done,
                 total,
@@ -204,7 +218,7 @@ pub fn refine(
             }
             if step % options.check_every.max(1) == 0 || step == iterations {
                 let before = run.curve.last().map_or(f64::INFINITY, |p| p.loss);
-                let now = run.look(run.done);
+                let now = run.look(run.done)?;
                 run.note(now);
                 if (before - now.loss).abs() < options.tolerance * before.abs() {
                     run.status = if run.status == Status::NotFinite {
@@ -219,10 +233,11 @@ pub fn refine(
         // The next phase starts from the best of this one.
         run.return_to_best();
     }
-    Ok(run.finish())
+    run.finish()
 }
 
 struct Run<'a> {
+    device: &'a Device,
     options: &'a RefineOptions,
     targets: Vec<Target>,
     /// Views in the order of steps, each as often as its share says.
@@ -239,8 +254,9 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(scene: &Scene, targets: Vec<Target>, options: &'a RefineOptions) -> Self {
+    fn new(device: &'a Device, scene: &Scene, targets: Vec<Target>, options: &'a RefineOptions) -> Self {
         Self {
+            device,
             fidelity: targets
                 .iter()
                 .map(|t| Fidelity {
@@ -272,17 +288,18 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn frame(&self, view: usize) -> Frame {
+    fn frame(&self, view: usize) -> Result<Frame, DeviceError> {
         let camera = &self.targets[view].camera;
-        Frame::new(&self.anchored.scene, camera, &self.options.render, Outputs::RGBA)
+        self.device
+            .frame(&self.anchored.scene, camera, &self.options.render, Outputs::RGBA)
     }
 
     /// One step on the next few views.
-    fn step(&mut self, phase: Wanted, total: usize) {
+    fn step(&mut self, phase: Wanted, total: usize) -> Result<(), DeviceError> {
         let views = self.targets.len();
         let each = self.options.views_per_step.clamp(1, views);
         if phase == Wanted::COLORS && self.frames.is_empty() {
-            self.frames = (0..views).map(|view| self.frame(view)).collect();
+            self.frames = (0..views).map(|view| self.frame(view)).collect::<Result<_, _>>()?;
         }
         if phase == Wanted::ALL {
             self.frames.clear();
@@ -292,33 +309,34 @@ impl<'a> Run<'a> {
         let scale = views as f64 / each as f64;
         for k in 0..each {
             let view = self.schedule[(self.done * each + k) % self.schedule.len()];
-            let fresh;
+            let mut fresh;
             let frame = if phase == Wanted::COLORS {
                 self.frames[view].recolor(&self.anchored.scene);
-                &self.frames[view]
+                &mut self.frames[view]
             } else {
-                fresh = self.frame(view);
-                &fresh
+                fresh = self.frame(view)?;
+                &mut fresh
             };
-            let picture = frame.draw();
+            let picture = frame.draw(&self.anchored.scene)?;
             let pixels = self.targets[view].gradient(&picture, scale as f32);
-            let gradients = frame.backward(&self.anchored.scene, &picture, &pixels, phase);
+            let gradients = frame.backward(&self.anchored.scene, &picture, &pixels, phase)?;
             self.anchored.gather(&gradients);
         }
         let decay = libm::pow(0.1, self.done as f64 / total.max(1) as f64);
         self.skipped += self.anchored.step(phase, decay);
         self.done += 1;
+        Ok(())
     }
 
     /// The loss on all views.
-    fn look(&mut self, iteration: usize) -> Point {
+    fn look(&mut self, iteration: usize) -> Result<Point, DeviceError> {
         let mut data = 0.0;
         for view in 0..self.targets.len() {
             let picture = if let Some(frame) = self.frames.get_mut(view) {
                 frame.recolor(&self.anchored.scene);
-                frame.draw()
+                frame.draw(&self.anchored.scene)?
             } else {
-                self.frame(view).draw()
+                self.frame(view)?.draw(&self.anchored.scene)?
             };
             data += self.targets[view].share * self.targets[view].loss(&picture);
             if iteration == 0 {
@@ -326,12 +344,12 @@ impl<'a> Run<'a> {
             }
         }
         let anchor = self.anchored.anchor_loss();
-        Point {
+        Ok(Point {
             iteration,
             loss: data + anchor,
             data,
             anchor,
-        }
+        })
     }
 
     /// Keeps the scene if it is the best so far.
@@ -350,20 +368,21 @@ impl<'a> Run<'a> {
         self.anchored.scene.clone_from(&self.best.2);
     }
 
-    fn finish(mut self) -> Refined {
+    fn finish(mut self) -> Result<Refined, RefineError> {
         self.return_to_best();
         self.frames.clear();
         for view in 0..self.targets.len() {
-            self.fidelity[view].after = self.targets[view].psnr(&self.frame(view).draw());
+            let picture = self.frame(view)?.draw(&self.anchored.scene)?;
+            self.fidelity[view].after = self.targets[view].psnr(&picture);
         }
-        Refined {
+        Ok(Refined {
             scene: self.best.2,
             curve: self.curve,
             best_iteration: self.best.1,
             status: self.status,
             skipped: self.skipped,
             fidelity: self.fidelity,
-        }
+        })
     }
 }
 

@@ -4,6 +4,7 @@ use gear_image::{Field, Rgb, Srgb};
 use glam::{Quat, Vec3};
 
 use super::*;
+use crate::cpu::Frame;
 use crate::{Camera, Gaussian, View, orbit};
 
 /// A front half of a ball, one surfel a pixel of a `side`² picture, all grey.
