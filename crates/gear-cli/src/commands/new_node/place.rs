@@ -172,7 +172,7 @@ fn sorted_in(text: &str, begin: &str, line: &str) -> Result<String, String> {
         return Err(format!("`{}` is there already; take another name", name(lines[there])));
     }
     let before = (0..lines.len()).filter(alike).find(|&i| name(lines[i]) > name(line));
-    let last = (0..lines.len()).filter(alike).next_back();
+    let last = (0..lines.len()).rfind(alike);
     match before.or(last.map(|i| i + 1)) {
         Some(at) => Ok(with_line(&lines, at, line)),
         None => Err(format!("expected lines that begin with `{begin}`, found none")),
