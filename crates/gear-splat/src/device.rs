@@ -277,8 +277,7 @@ impl OnGpu {
         if !self.fallback.allowed {
             return Err(DeviceError { cause });
         }
-        use crate::gpu::GpuError::{Limit, Unsupported};
-        if !matches!(error, Limit { .. } | Unsupported(_)) {
+        if !matches!(error, crate::gpu::GpuError::Limit { .. }) {
             self.gone.store(true, Ordering::Relaxed);
         }
         if !self.told.swap(true, Ordering::Relaxed) {

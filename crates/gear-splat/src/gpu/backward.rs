@@ -3,23 +3,24 @@
 use glam::{Vec3, Vec4};
 
 use super::device::Kernel;
-use super::{Frame, GpuError, view};
+use super::{Frame, GpuError, SUMS, view};
 use crate::Scene;
 use crate::render::{PixelGradients, Rendering, SceneGradients, Wanted};
 
 const BLEND_BACKWARD: Kernel = Kernel {
-    constants: &["SHAPE"],
+    constants: &["SHAPE", "SURFACE"],
     ..Kernel::new(
-        module!("common.wgsl", "tiles.wgsl", "blend_backward.wgsl"),
+        module!("common.wgsl", "tiles.wgsl", "surface.wgsl", "blend_backward.wgsl"),
         "blend_backward",
     )
 };
 const PROJECT_BACKWARD: Kernel = Kernel {
-    constants: &["SHAPE"],
+    constants: &["SHAPE", "SURFACE"],
     ..Kernel::new(
         module!(
             "common.wgsl",
             "footprint.wgsl",
+            "plane.wgsl",
             "sh.wgsl",
             "raw_color.wgsl",
             "project_backward.wgsl"
@@ -35,7 +36,7 @@ const SHAPE_WORDS: usize = 11;
 
 impl Frame {
     /// Derivatives of a loss by the scene, from its derivatives by the pixels of `rendering`, which must be what
-    /// [`Frame::draw`] gave. Derivatives by depth and normals are left to the CPU.
+    /// [`Frame::draw`] gave.
     ///
     /// # Panics
     /// When a picture that has gradients was not drawn, or a gradient has not one entry a pixel: a caller's bug.
@@ -47,13 +48,26 @@ impl Frame {
         wanted: Wanted,
     ) -> Result<SceneGradients, GpuError> {
         let gpu = &self.gpu;
-        if !pixels.depth.is_empty() || !pixels.normal.is_empty() {
-            return Err(GpuError::Unsupported("derivatives by depth and normals"));
-        }
         let shape = wanted.moves_shapes();
-        let switches = shape.into();
-        let loss = gpu.upload(&self.loss(rendering, pixels))?;
-        let sums = gpu.buffer(self.pairs * if shape { 9 } else { 3 })?;
+        let surface = shape && (!pixels.depth.is_empty() || !pixels.normal.is_empty());
+        let switches = u32::from(shape) | u32::from(surface) << 1;
+        let mut planes = self.loss(rendering, pixels);
+        if surface {
+            let sums = self.blend(SUMS)?;
+            self.add_surface_loss(&mut planes, rendering, pixels, &sums);
+        }
+        let loss = gpu.upload(&planes)?;
+        // The same numbers as in `stride` of blend_backward.wgsl.
+        let sums = gpu.buffer(
+            self.pairs
+                * if surface {
+                    17
+                } else if shape {
+                    9
+                } else {
+                    3
+                },
+        )?;
         let stride = view::color_words(scene.sh_degree);
         let by_shape = gpu.buffer(if shape { self.count * SHAPE_WORDS } else { 1 })?;
         let by_harmonics = gpu.buffer(self.count * stride)?;
@@ -63,10 +77,10 @@ impl Frame {
             (0, &self.view),
             (1, &self.splats),
             (2, &self.colors),
-            (3, &self.owners),
-            (4, &self.slots),
-            (5, &self.starts),
-            (6, &self.walked),
+            (3, &self.surfaces),
+            (4, &self.owners),
+            (5, &self.slots),
+            (6, &self.ranges),
             (7, &loss),
             (8, &sums),
         ];
@@ -99,13 +113,11 @@ impl Frame {
         );
         recording.submit();
         let read = gpu.read::<f32>(&[(&by_harmonics, 0), (&by_shape, 0)])?;
-        Ok(gradients(
-            &read[0],
-            stride,
-            shape.then_some(&read[1][..]),
-            self.count,
-            wanted,
-        ))
+        let colors = read[0].chunks_exact(stride).take(self.count);
+        let shapes = read[1]
+            .chunks_exact(SHAPE_WORDS)
+            .take(if shape { self.count } else { 0 });
+        Ok(gradients(colors, shapes, wanted))
     }
 
     /// `loss` in blend_backward.wgsl. The pictures lie on the host because the loss was computed there.
@@ -131,32 +143,54 @@ impl Frame {
         }
         planes
     }
+
+    /// The planes for depth and normals, from the plane Σ w and the plane |Σ w n|.
+    fn add_surface_loss(&self, planes: &mut Vec<f32>, rendering: &Rendering, pixels: &PixelGradients, sums: &[f32]) {
+        let count = self.size[0] * self.size[1];
+        planes.resize(10 * count.max(1), 0.0);
+        let depth = rendering.depth.as_ref().map_or(&[][..], |p| p.data());
+        let normal = rendering.normal.as_deref().unwrap_or_default();
+        assert!(pixels.depth.is_empty() || depth.len() == count, "depth was drawn");
+        assert!(pixels.normal.is_empty() || normal.len() == count, "normals were drawn");
+        for i in 0..count {
+            let (weight, length) = (sums[i], sums[count + i]);
+            if let Some(&g) = pixels.depth.get(i).filter(|_| weight > 0.0) {
+                planes[5 * count + i] = g / weight;
+                planes[6 * count + i] = depth[i];
+            }
+            if let Some(g) = pixels.normal.get(i).filter(|_| length > 0.0) {
+                let n = normal[i];
+                let along = g[0] * n[0] + g[1] * n[1] + g[2] * n[2];
+                for c in 0..3 {
+                    planes[(7 + c) * count + i] = (g[c] - n[c] * along) / length;
+                }
+            }
+        }
+    }
 }
 
-fn gradients(
-    by_harmonics: &[f32],
-    stride: usize,
-    by_shape: Option<&[f32]>,
-    count: usize,
+fn gradients<'a>(
+    colors: impl Iterator<Item = &'a [f32]> + Clone,
+    shapes: impl Iterator<Item = &'a [f32]> + Clone,
     wanted: Wanted,
 ) -> SceneGradients {
-    let taken = |wanted: bool| if wanted { count } else { 0 };
-    let harmonics = || by_harmonics.chunks_exact(stride).take(taken(wanted.colors));
-    let shapes = |wanted| {
-        by_shape
-            .unwrap_or_default()
-            .chunks_exact(SHAPE_WORDS)
-            .take(taken(wanted))
-    };
     let vec3 = |s: &[f32], at: usize| Vec3::new(s[at], s[at + 1], s[at + 2]);
-    SceneGradients {
-        centers: shapes(wanted.centers).map(|s| vec3(s, 0)).collect(),
-        log_scales: shapes(wanted.log_scales).map(|s| vec3(s, 3)).collect(),
-        rotations: shapes(wanted.rotations)
-            .map(|s| Vec4::new(s[6], s[7], s[8], s[9]))
-            .collect(),
-        opacity_logits: shapes(wanted.opacity_logits).map(|s| s[10]).collect(),
-        sh_dc: harmonics().map(|h| [h[0], h[1], h[2]]).collect(),
-        sh_rest: harmonics().flat_map(|h| &h[3..]).copied().collect(),
+    let mut out = SceneGradients::default();
+    if wanted.centers {
+        out.centers = shapes.clone().map(|s| vec3(s, 0)).collect();
     }
+    if wanted.log_scales {
+        out.log_scales = shapes.clone().map(|s| vec3(s, 3)).collect();
+    }
+    if wanted.rotations {
+        out.rotations = shapes.clone().map(|s| Vec4::new(s[6], s[7], s[8], s[9])).collect();
+    }
+    if wanted.opacity_logits {
+        out.opacity_logits = shapes.map(|s| s[10]).collect();
+    }
+    if wanted.colors {
+        out.sh_dc = colors.clone().map(|h| [h[0], h[1], h[2]]).collect();
+        out.sh_rest = colors.flat_map(|h| &h[3..]).copied().collect();
+    }
+    out
 }

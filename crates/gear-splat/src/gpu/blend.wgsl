@@ -1,14 +1,8 @@
-// Stage 4: compositing, front to back. A workgroup is a tile, a thread a pixel. Needs common, tiles.
+// Stage 4: compositing, front to back. A workgroup is a tile, a thread a pixel. Needs common, tiles, surface.
 //
 // For each pixel, over its Gaussians in order of depth: w = α·T, output += w·feature, T ← T·(1 − α). The tile's list is
 // read in batches that all threads share; when no pixel can receive anything more, the tile ends, and tells how far
 // it came, so that the gradient stops there too.
-
-struct Surface {
-    normal_reach: vec4<f32>,
-    slope: vec2<f32>,
-    padding: vec2<f32>,
-}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
@@ -16,18 +10,18 @@ struct Surface {
 @group(0) @binding(3) var<storage, read> surfaces: array<Surface>;
 @group(0) @binding(4) var<storage, read> owners: array<u32>;
 @group(0) @binding(5) var<storage, read> slots: array<u32>;
-@group(0) @binding(6) var<storage, read> starts: array<u32>;
-// One plane after the other, in the order red, green, blue, alpha, depth, median depth, normal x, y, z. As bits: NaN
-// stands for no depth, and WGSL does not promise to keep it as a number.
+// Where each tile begins in the list, and how many entries it walked; the last one ends the list.
+@group(0) @binding(6) var<storage, read_write> ranges: array<vec2<u32>>;
+// One plane after the other, in the order red, green, blue, alpha, depth, median depth, normal x, y, z, and for
+// the gradient Σ w and |Σ w n|. As bits: NaN stands for no depth, and WGSL does not promise to keep it as a number.
 @group(0) @binding(7) var<storage, read_write> pictures: array<u32>;
-// How many entries of its list each tile walked.
-@group(0) @binding(8) var<storage, read_write> walked: array<u32>;
 
 override COLOR: bool = true;
 override ALPHA: bool = true;
 override DEPTH: bool = false;
 override MEDIAN: bool = false;
 override NORMAL: bool = false;
+override SUMS: bool = false;
 
 const BATCH: u32 = 128u;
 const NOT_A_NUMBER: u32 = 0x7fc00000u;
@@ -38,6 +32,7 @@ var<workgroup> batch_normals: array<vec4<f32>, BATCH>;
 var<workgroup> batch_slopes: array<vec2<f32>, BATCH>;
 var<workgroup> alive: array<u32, 256>;
 var<workgroup> any_alive: u32;
+var<workgroup> list: vec2<u32>;
 
 @compute @workgroup_size(256)
 fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -59,8 +54,12 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
     var median = NOT_A_NUMBER;
     var normal = vec3(0.0);
 
-    let first = starts[tile];
-    let end = starts[tile + 1u];
+    if local == 0u {
+        list = vec2(ranges[tile].x, ranges[tile + 1u].x);
+    }
+    let range = workgroupUniformLoad(&list);
+    let first = range.x;
+    let end = range.y;
     var next = first;
     while next < end {
         let count = min(BATCH, end - next);
@@ -82,7 +81,7 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
             if COLOR {
                 color += batch_colors[n].xyz * w;
             }
-            if DEPTH || MEDIAN {
+            if DEPTH || MEDIAN || SUMS {
                 let reach = batch_normals[n].w;
                 let seen = splat.depth + clamp(dot(batch_slopes[n], d), -reach, reach);
                 weight += w;
@@ -91,7 +90,7 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
                     median = bitcast<u32>(seen);
                 }
             }
-            if NORMAL {
+            if NORMAL || SUMS {
                 normal += batch_normals[n].xyz * w;
             }
             transmittance = after;
@@ -102,7 +101,7 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
         }
     }
     if local == 0u {
-        walked[tile] = next - first;
+        ranges[tile].y = next - first;
     }
     if !inside {
         return;
@@ -135,6 +134,11 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
         pictures[to] = bitcast<u32>(unit.x);
         pictures[to + pixels] = bitcast<u32>(unit.y);
         pictures[to + 2u * pixels] = bitcast<u32>(unit.z);
+        to += 3u * pixels;
+    }
+    if SUMS {
+        pictures[to] = bitcast<u32>(weight);
+        pictures[to + pixels] = bitcast<u32>(length(normal));
     }
 }
 
@@ -152,7 +156,7 @@ fn load(next: u32, count: u32, corner: vec2<f32>, local: u32) {
         if COLOR {
             batch_colors[n] = colors[i];
         }
-    } else if DEPTH || MEDIAN || NORMAL {
+    } else if DEPTH || MEDIAN || NORMAL || SUMS {
         let surface = surfaces[i];
         batch_normals[n] = surface.normal_reach;
         batch_slopes[n] = surface.slope;

@@ -1,5 +1,5 @@
-// Stage 5: from derivatives by pixels to derivatives by ellipses. Needs common, tiles. The formulae are those of
-// cpu/blend_backward.rs, with the moments of the whitened offset z instead of e and d.
+// Stage 5: from derivatives by pixels to derivatives by ellipses. Needs common, tiles, surface. The formulae are
+// those of cpu/blend_backward.rs, with the moments of the whitened offset z instead of e and d.
 //
 // Sums over pixels are the trouble: one thread a pixel would have to add up hundreds of threads for every Gaussian, by
 // atomics (whose order changes from run to run) or by a tree of barriers. Here a thread owns a Gaussian and the pixels
@@ -13,16 +13,20 @@
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
 @group(0) @binding(2) var<storage, read> colors: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> owners: array<u32>;
-@group(0) @binding(4) var<storage, read> slots: array<u32>;
-@group(0) @binding(5) var<storage, read> starts: array<u32>;
-@group(0) @binding(6) var<storage, read> walked: array<u32>;
-// Five planes: the derivative g by red, green, blue; what every Gaussian's sᵢ shares, g_A − g·b; and S.
+@group(0) @binding(3) var<storage, read> surfaces: array<Surface>;
+@group(0) @binding(4) var<storage, read> owners: array<u32>;
+@group(0) @binding(5) var<storage, read> slots: array<u32>;
+@group(0) @binding(6) var<storage, read> ranges: array<vec2<u32>>;
+// Planes: the derivative g by red, green, blue; what every Gaussian's sᵢ shares, g_A − g·b; S; and with SURFACE g_D / W,
+// D, and the derivative by N.
 @group(0) @binding(7) var<storage, read> loss: array<f32>;
-// For every slot Σ w g, and then Σ h, Σ h z, Σ h z zᵀ.
+// For every slot Σ w g; with SHAPE Σ h, Σ h z, Σ h z zᵀ; and with SURFACE, u = w g_D / W, Σ u, Σ ±u where the plane is
+// held, Σ u, Σ u dx, Σ u dy where it is not, and Σ w ∂ℓ/∂N.
 @group(0) @binding(8) var<storage, read_write> sums: array<f32>;
 
 override SHAPE: bool = true;
+// Implies SHAPE.
+override SURFACE: bool = false;
 
 const LANES: u32 = 64u;
 const GROUPS: u32 = 64u;
@@ -32,6 +36,9 @@ var<workgroup> transmittance: array<f32, 256>;
 // Rᵢ: what is still to come behind.
 var<workgroup> remaining: array<f32, 256>;
 var<workgroup> by_pixel: array<vec4<f32>, 256>;
+// The derivative by N and g_D / W; D.
+var<workgroup> by_surface: array<vec4<f32>, 256>;
+var<workgroup> mean_depth: array<f32, 256>;
 
 @compute @workgroup_size(64)
 fn blend_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -46,8 +53,8 @@ fn blend_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     }
     workgroupBarrier();
 
-    let first = starts[tile];
-    let count = walked[tile];
+    let first = ranges[tile].x;
+    let count = ranges[tile].y;
     let steps = (count + LANES - 1u) / LANES * GROUPS + LANES - 1u;
     var live = false;
     var slot = 0u;
@@ -57,6 +64,10 @@ fn blend_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     var moment = 0.0;
     var moments = vec2(0.0);
     var squares = vec3(0.0);
+    var surface = Surface();
+    var depth_sums = vec2(0.0);
+    var plane_sums = vec3(0.0);
+    var by_normal = vec3(0.0);
     for (var step = 0u; step < steps; step++) {
         if step >= lane {
             let position = step - lane;
@@ -74,6 +85,12 @@ fn blend_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
                     moment = 0.0;
                     moments = vec2(0.0);
                     squares = vec3(0.0);
+                    if SURFACE {
+                        surface = surfaces[i];
+                        depth_sums = vec2(0.0);
+                        plane_sums = vec3(0.0);
+                        by_normal = vec3(0.0);
+                    }
                 }
             }
             if live {
@@ -91,7 +108,23 @@ fn blend_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
                     let g = by_pixel[at];
                     by_color += g.xyz * w;
                     if SHAPE {
-                        let s = w * (dot(g.xyz, color) + g.w);
+                        var gain = dot(g.xyz, color) + g.w;
+                        if SURFACE {
+                            let n = by_surface[at];
+                            let reach = surface.normal_reach.w;
+                            let plane = dot(surface.slope, d);
+                            let behind = clamp(plane, -reach, reach);
+                            gain += n.w * (splat.depth + behind - mean_depth[at]) + dot(n.xyz, surface.normal_reach.xyz);
+                            let u = w * n.w;
+                            by_normal += n.xyz * w;
+                            if behind == plane {
+                                depth_sums.x += u;
+                                plane_sums += vec3(1.0, d) * u;
+                            } else {
+                                depth_sums += vec2(1.0, sign(plane)) * u;
+                            }
+                        }
+                        let s = w * gain;
                         let rest = remaining[at] - s;
                         remaining[at] = rest;
                         // Where α is held at 0.99 it depends on nothing.
@@ -102,7 +135,18 @@ fn blend_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
                     }
                 }
                 if pixels == GROUPS - 1u {
-                    write_sums(slot, by_color, moment, moments, squares);
+                    let at = slot * stride();
+                    write3(at, by_color);
+                    if SHAPE {
+                        write3(at + 3u, vec3(moment, moments));
+                        write3(at + 6u, squares);
+                    }
+                    if SURFACE {
+                        sums[at + 9u] = depth_sums.x;
+                        sums[at + 10u] = depth_sums.y;
+                        write3(at + 11u, plane_sums);
+                        write3(at + 14u, by_normal);
+                    }
                 }
             }
         }
@@ -121,19 +165,20 @@ fn load_pixel(corner: vec2<u32>, at: u32) {
     transmittance[at] = 1.0;
     by_pixel[at] = vec4(loss[source], loss[source + pixels], loss[source + 2u * pixels], loss[source + 3u * pixels]);
     remaining[at] = loss[source + 4u * pixels];
+    if SURFACE {
+        let n = source + 7u * pixels;
+        by_surface[at] = vec4(loss[n], loss[n + pixels], loss[n + 2u * pixels], loss[source + 5u * pixels]);
+        mean_depth[at] = loss[source + 6u * pixels];
+    }
 }
 
-fn write_sums(slot: u32, by_color: vec3<f32>, moment: f32, moments: vec2<f32>, squares: vec3<f32>) {
-    let at = slot * select(3u, 9u, SHAPE);
-    sums[at] = by_color.x;
-    sums[at + 1u] = by_color.y;
-    sums[at + 2u] = by_color.z;
-    if SHAPE {
-        sums[at + 3u] = moment;
-        sums[at + 4u] = moments.x;
-        sums[at + 5u] = moments.y;
-        sums[at + 6u] = squares.x;
-        sums[at + 7u] = squares.y;
-        sums[at + 8u] = squares.z;
-    }
+// Numbers a slot.
+fn stride() -> u32 {
+    return select(select(3u, 9u, SHAPE), 17u, SURFACE);
+}
+
+fn write3(at: u32, value: vec3<f32>) {
+    sums[at] = value.x;
+    sums[at + 1u] = value.y;
+    sums[at + 2u] = value.z;
 }

@@ -36,9 +36,6 @@ pub enum GpuError {
         /// How much is needed.
         needed: u64,
     },
-    /// The CPU can do it, and this cannot.
-    #[error("the GPU rasteriser has no {0}")]
-    Unsupported(&'static str),
     /// The driver reported an error, or the device went away.
     #[error("{adapter} failed: {cause}")]
     Failed {

@@ -51,7 +51,14 @@ const SURFACE_WORDS: usize = 8;
 const PROJECT: Kernel = Kernel {
     constants: &["SURFACES"],
     ..Kernel::new(
-        module!("common.wgsl", "footprint.wgsl", "tiles.wgsl", "project.wgsl"),
+        module!(
+            "common.wgsl",
+            "footprint.wgsl",
+            "plane.wgsl",
+            "tiles.wgsl",
+            "surface.wgsl",
+            "project.wgsl"
+        ),
         "project",
     )
 };
@@ -70,8 +77,11 @@ const OFFSET: Kernel = Kernel::new(BIN, "offset");
 const EMIT: Kernel = Kernel::new(BIN, "emit");
 const FIND: Kernel = Kernel::new(module!("common.wgsl", "find.wgsl"), "find");
 const BLEND: Kernel = Kernel {
-    constants: &["COLOR", "ALPHA", "DEPTH", "MEDIAN", "NORMAL"],
-    ..Kernel::new(module!("common.wgsl", "tiles.wgsl", "blend.wgsl"), "blend")
+    constants: &["COLOR", "ALPHA", "DEPTH", "MEDIAN", "NORMAL", "SUMS"],
+    ..Kernel::new(
+        module!("common.wgsl", "tiles.wgsl", "surface.wgsl", "blend.wgsl"),
+        "blend",
+    )
 };
 
 /// A scene seen by a camera, ready to be drawn: on the GPU what [`crate::cpu::Frame`] is on the CPU.
@@ -94,11 +104,9 @@ pub struct Frame {
     offsets: Buffer,
     /// The Gaussian of each slot.
     owners: Buffer,
-    /// Slots sorted by tile, and where each tile begins.
+    /// Slots sorted by tile; where each tile begins, and how far it was walked when it was drawn.
     slots: Buffer,
-    starts: Buffer,
-    /// How far each tile was walked when it was drawn.
-    walked: Buffer,
+    ranges: Buffer,
 }
 
 impl Frame {
@@ -174,8 +182,8 @@ impl Frame {
         recording.run(EMIT, count.div_ceil(BLOCK), &buffers);
         let bits = usize::BITS - tiles.leading_zeros();
         let sorted = sort::stable(&mut recording, unsorted, pairs, bits)?;
-        let starts = gpu.buffer(tiles + 1)?;
-        let buffers = [(0, &view), (1, &sorted.keys), (2, &starts)];
+        let ranges = gpu.buffer(2 * (tiles + 1))?;
+        let buffers = [(0, &view), (1, &sorted.keys), (2, &ranges)];
         recording.run(FIND, (tiles + 1).div_ceil(BLOCK), &buffers);
 
         let stride = view::color_words(scene.sh_degree);
@@ -196,8 +204,7 @@ impl Frame {
             offsets,
             owners,
             slots: sorted.items,
-            starts,
-            walked: gpu.buffer(tiles)?,
+            ranges,
             view,
         };
         frame.color(&mut recording, scene);
@@ -228,15 +235,16 @@ impl Frame {
 
     /// The pictures that were wanted.
     pub fn draw(&self) -> Result<Rendering, GpuError> {
-        let outputs = self.outputs;
-        let [width, height] = self.size;
-        let planes = planes(outputs);
-        let pictures = self.gpu.buffer(planes.iter().sum::<usize>() * width * height)?;
-        let switches = planes
-            .iter()
-            .enumerate()
-            .map(|(bit, &planes)| u32::from(planes > 0) << bit)
-            .sum();
+        let pixels = self.blend(planes(self.outputs))?;
+        Ok(self.rendering(&pixels))
+    }
+
+    /// Runs `blend` for some planes of `pictures`.
+    fn blend(&self, planes: [usize; 6]) -> Result<Vec<f32>, GpuError> {
+        let pixels = self.size[0] * self.size[1];
+        let pictures = self.gpu.buffer(planes.iter().sum::<usize>() * pixels)?;
+        let bits = planes.iter().enumerate();
+        let switches = bits.map(|(bit, &planes)| u32::from(planes > 0) << bit).sum();
         let mut recording = self.gpu.record();
         let buffers = [
             (0, &self.view),
@@ -245,14 +253,12 @@ impl Frame {
             (3, &self.surfaces),
             (4, &self.owners),
             (5, &self.slots),
-            (6, &self.starts),
+            (6, &self.ranges),
             (7, &pictures),
-            (8, &self.walked),
         ];
         recording.run(Kernel { switches, ..BLEND }, self.tiles(), &buffers);
         recording.submit();
-        let pixels = self.gpu.read::<f32>(&[(&pictures, 0)])?.remove(0);
-        Ok(self.rendering(&pixels))
+        Ok(self.gpu.read::<f32>(&[(&pictures, 0)])?.remove(0))
     }
 
     fn tiles(&self) -> usize {
@@ -294,14 +300,18 @@ impl<'a> Planes<'a> {
     }
 }
 
+/// Σ w and |Σ w n|, for the gradient.
+const SUMS: [usize; 6] = [0, 0, 0, 0, 0, 2];
+
 /// Planes of each output, in the order of `pictures` in blend.wgsl.
-fn planes(outputs: Outputs) -> [usize; 5] {
+fn planes(outputs: Outputs) -> [usize; 6] {
     [
         3 * usize::from(outputs.rgb),
         outputs.alpha.into(),
         outputs.depth.into(),
         outputs.median_depth.into(),
         3 * usize::from(outputs.normal),
+        0,
     ]
 }
 

@@ -1,5 +1,6 @@
 // Stage 6: the slots of a Gaussian are added up in order, and the chain rule leads from its ellipse on the screen back to
-// the Gaussian in the world. Needs common, footprint, sh, raw_color.
+// the Gaussian in the world. Needs common, footprint, plane, sh,
+// raw_color.
 //
 // Let W be the whitening, z = W (x − m), and a_k = σ_k t_k the axes on the screen, Σ = Σ_k a_k a_kᵀ + δ·1 = (WᵀW)⁻¹. With
 // the moments H = Σ h, μ = Σ h z and M = Σ h z zᵀ of h = ∂ℓ/∂(log α),
@@ -9,6 +10,9 @@
 // W a_k is never longer than 1, so that needles and giants keep all their digits in f32. The filter that keeps a
 // Gaussian's weight adds ½ H (log det₀ − log det): M loses H·1, and det₀ gives H Σ₀⁻¹ a_k, taken as a sum of
 // cross products.
+//
+// A surfel's plane has slope = F⁻¹ Σ_k p_k c_k. With λ = F⁻¹ ∂ℓ/∂slope, ∂ℓ/∂p_k = λ (c_k − p_k·slope) − slope (λ·p_k) and
+// ∂ℓ/∂c_k = λ·p_k.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> gaussians: array<Gaussian>;
@@ -22,12 +26,16 @@
 @group(0) @binding(7) var<storage, read_write> by_harmonics: array<f32>;
 
 override SHAPE: bool = true;
+override SURFACE: bool = false;
 
 struct Sums {
     color: vec3<f32>,
     moment: f32,
     moments: vec2<f32>,
     squares: vec3<f32>,
+    depth: vec2<f32>,
+    plane: vec3<f32>,
+    normal: vec3<f32>,
 }
 
 @compute @workgroup_size(64)
@@ -50,12 +58,17 @@ fn project_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
 fn add_up(first: u32, end: u32) -> Sums {
     var total = Sums();
     for (var slot = first; slot < end; slot++) {
-        let at = slot * select(3u, 9u, SHAPE);
+        let at = slot * select(select(3u, 9u, SHAPE), 17u, SURFACE);
         total.color += vec3(sums[at], sums[at + 1u], sums[at + 2u]);
         if SHAPE {
             total.moment += sums[at + 3u];
             total.moments += vec2(sums[at + 4u], sums[at + 5u]);
             total.squares += vec3(sums[at + 6u], sums[at + 7u], sums[at + 8u]);
+        }
+        if SURFACE {
+            total.depth += vec2(sums[at + 9u], sums[at + 10u]);
+            total.plane += vec3(sums[at + 11u], sums[at + 12u], sums[at + 13u]);
+            total.normal += vec3(sums[at + 14u], sums[at + 15u], sums[at + 16u]);
         }
     }
     return total;
@@ -101,7 +114,11 @@ fn color(i: u32, point: vec3<f32>, by_shown: vec3<f32>) -> vec3<f32> {
 fn shape(i: u32, gaussian: Gaussian, total: Sums, by_direction: vec3<f32>) {
     let f = footprint(view, gaussian);
     let w = whitening(f);
-    let by_mean = unwhiten(w, total.moments);
+    var by = ByPlane();
+    if SURFACE {
+        by = surface(f, gaussian.log_scale_valid.xyz, total);
+    }
+    let by_mean = unwhiten(w, total.moments) + by.mean;
     let by_logit = total.moment / (1.0 + exponential(gaussian.point_logit.w));
 
     var squares = total.squares;
@@ -125,13 +142,14 @@ fn shape(i: u32, gaussian: Gaussian, total: Sums, by_direction: vec3<f32>) {
                 by_spread += vec2(f.spread[l].y, -f.spread[l].x) * (total.moment * (area / f.before) / f.unit);
             }
         }
-        let by_t = by_spread * f.sigma[k];
-        by_axes[k] = vec3(by_t, -dot(f.slope, by_t)) * f.scale;
+        by_log_scale[k] += by.log_scale[k];
+        let by_t = (by_spread + by.spread[k]) * f.sigma[k];
+        by_axes[k] = vec3(by_t, -dot(f.slope, by_t)) * f.scale + by.axes[k];
         by_jacobian[0] += f.axes[k] * by_t.x;
         by_jacobian[1] += f.axes[k] * by_t.y;
     }
 
-    var by_point = vec3(by_mean, 0.0) * f.scale + by_direction;
+    var by_point = vec3(by_mean * f.scale, total.depth.x) + by_direction;
     if is_pinhole(view) {
         by_point += pinhole(f, by_mean, by_jacobian);
     }
@@ -147,6 +165,53 @@ fn shape(i: u32, gaussian: Gaussian, total: Sums, by_direction: vec3<f32>) {
         by_shape[at + 6u + k] = finite(rotation[k]);
     }
     by_shape[at + 10u] = finite(by_logit);
+}
+
+// Derivatives through the surfel's plane.
+struct ByPlane {
+    mean: vec2<f32>,
+    log_scale: vec3<f32>,
+    // By the axes on the screen, a_k.
+    spread: array<vec2<f32>, 3>,
+    // By the camera-space axes, other than through a_k.
+    axes: array<vec3<f32>, 3>,
+}
+
+fn surface(f: Footprint, log_scale: vec3<f32>, total: Sums) -> ByPlane {
+    var by: ByPlane;
+    let p = plane(f);
+    by.mean = -p.slope * total.plane.x;
+    // λ · unit: F is in squares of the unit.
+    let lambda = solve_plane(p, total.plane.yz, 1.0 / f.unit);
+    var least = 2;
+    for (var k = 0; k < 2; k++) {
+        if f.sigma[k] < f.sigma[least] {
+            least = k;
+        }
+    }
+    for (var k = 0; k < 3; k++) {
+        let z = f.axes[k].z;
+        // λ·a_k, and how far the end of the axis lies behind the plane.
+        let along = dot(lambda, f.spread[k]);
+        let behind = f.sigma[k] * z - dot(p.slope, f.spread[k]) * f.unit;
+        let left = p.left[k] * p.left[k];
+        let by_flat = 2.0 * along * behind;
+        let ratio = f.sigma[least] / f.sigma[k];
+        by.log_scale[k] += by_flat;
+        by.log_scale[least] -= by_flat * ratio * ratio;
+        by.spread[k] = (lambda * (behind / f.unit) - p.slope * along) * left;
+        by.axes[k].z = f.sigma[k] * left * along;
+        if p.deviation > 0.0 {
+            // reach = c·√(Σ_k σ_k² m_kz²).
+            let share = f.sigma[k] * z / p.deviation;
+            let by_reach = REACH_SIGMAS * total.depth.y * share * f.sigma[k];
+            by.log_scale[k] += by_reach * z;
+            by.axes[k].z += by_reach;
+        }
+    }
+    let axis = thinnest_axis(log_scale);
+    by.axes[axis] += to_camera(view, total.normal) * towards_camera(view, f, axis);
+    return by;
 }
 
 // Wᵀ v.

@@ -57,7 +57,9 @@ pub fn assert_gradients_agree(
     cpu: &SceneGradients,
 ) {
     let Some(gpu) = shared() else { return };
-    let frame = Frame::new(gpu, scene, camera, options, Outputs::RGBA).unwrap();
+    let surfaces = !pixels.depth.is_empty() || !pixels.normal.is_empty();
+    let outputs = if surfaces { Outputs::ALL } else { Outputs::RGBA };
+    let frame = Frame::new(gpu, scene, camera, options, outputs).unwrap();
     let picture = frame.draw().unwrap();
     compare_gradients(&frame.backward(scene, &picture, pixels, Wanted::ALL).unwrap(), cpu);
     let colors = frame.backward(scene, &picture, pixels, Wanted::COLORS).unwrap();

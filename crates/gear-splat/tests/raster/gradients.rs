@@ -74,9 +74,7 @@ fn assert_gradients_of(scene: &Scene, camera: &Camera, options: &RenderOptions, 
     let colors = frame.backward(scene, &frame.draw(), &pixels, Wanted::COLORS);
     assert_eq!(fast.sh_dc, colors.sh_dc, "colours alone get the same gradient");
     #[cfg(feature = "gpu")]
-    if !surfaces {
-        crate::gpu::assert_gradients_agree(scene, camera, options, &pixels, &fast);
-    }
+    crate::gpu::assert_gradients_agree(scene, camera, options, &pixels, &fast);
 
     let start = reference::gaussians(scene);
     let difference = |change: &dyn Fn(&mut Gaussian64, f64), i: usize| {
