@@ -8,7 +8,7 @@ fn own_gear(folder: &std::path::Path, arguments: &[&str]) -> Output {
         .current_dir(folder)
         .env("GEAR_STORE", folder.join("store"))
         .output()
-        .unwrap()
+        .expect("the binary starts")
 }
 
 #[test]
