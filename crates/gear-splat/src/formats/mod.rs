@@ -61,7 +61,7 @@ impl fmt::Display for Format {
 }
 
 impl Format {
-    /// Extensions of the formats that [`write`] writes.
+    /// Extensions of the formats that [`write()`] writes.
     pub const WRITTEN: &str = ".ply, .spz, .splat or .glb";
 
     /// The format that a file name asks for.
