@@ -12,7 +12,7 @@
 //! ```
 //!
 //! A bare name is a graph input, `node.port` an output of a node; a port that takes many values is given a list.
-//! Reading goes text → [`Tree`](crate::Tree) (`yaml`), for the file and those that it extends (`chain`), laid over each
+//! Reading goes text → [`Tree`] (`yaml`), for the file and those that it extends (`chain`), laid over each
 //! other (`overlay`), changed by overrides (`set`) → names with positions (`file`) → [`Graph`] (`check`). All of them
 //! report every mistake they find.
 
