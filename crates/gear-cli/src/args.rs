@@ -70,6 +70,16 @@ pub enum Command {
     /// The graphs that come with gear
     #[command(subcommand)]
     Graphs(GraphsCommand),
+    /// Write a Gaussian scene in another format, and tell what that cannot hold
+    ///
+    /// Reads 3DGS PLY, PlayCanvas compressed PLY, SPZ 2 and 3, and .splat, told apart by content. Writes .ply, .spz,
+    /// .splat and .glb (glTF with KHR_gaussian_splatting).
+    Convert(ConvertArgs),
+    /// Take pictures of a Gaussian scene
+    ///
+    /// From the camera under which it shows its painting; a scene without one is faced from the front. The cameras are
+    /// written beside the pictures, as cameras.json.
+    Render(RenderArgs),
     /// List the samples, or paint one, with its true depth and normals beside it
     Sample(SampleArgs),
 }
@@ -327,6 +337,51 @@ pub enum GraphsCommand {
         #[arg(long, value_name = "DIR", default_value = ".")]
         to: PathBuf,
     },
+}
+
+/// `gear convert`.
+#[derive(Debug, Args)]
+pub struct ConvertArgs {
+    /// The scene
+    #[arg(value_name = "IN")]
+    pub input: PathBuf,
+    /// The file to write; its extension says in which format
+    #[arg(value_name = "OUT")]
+    pub output: PathBuf,
+    /// In IN, y points downwards, as in most scenes made from photographs; turn it over
+    #[arg(long)]
+    pub y_down: bool,
+}
+
+/// `gear render`.
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// The scene, in any format that `gear convert` reads
+    pub scene: PathBuf,
+    /// The cameras: JSON, one or a list, as cameras.json or the comment of a PLY file has them
+    #[arg(long, value_name = "FILE", conflicts_with = "orbit")]
+    pub camera: Option<PathBuf>,
+    /// So many views on a full turn, all in the same frame
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=720))]
+    pub orbit: Option<u32>,
+    /// Size of the pictures in pixels, or their longer side alone [default: the camera's]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<crate::scenes::Size>,
+    /// What rasterises: the CPU, or a GPU (by a part of its name); `auto` takes one that is not played by the CPU
+    #[arg(long, value_name = "auto|cpu|gpu[:NAME]", default_value_t)]
+    pub device: DeviceChoice,
+    /// Where the files go; made if it is not there
+    #[arg(long, value_name = "DIR", default_value = "pictures")]
+    pub out: PathBuf,
+    /// Write depths too, NAME.depth.exr
+    #[arg(long)]
+    pub depth: bool,
+    /// Write world-space normals too, NAME.normal.exr
+    #[arg(long)]
+    pub normal: bool,
+    /// In the scene, y points downwards, as in most scenes made from photographs; turn it over
+    #[arg(long)]
+    pub y_down: bool,
 }
 
 /// `gear sample`.

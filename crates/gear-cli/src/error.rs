@@ -107,6 +107,42 @@ pub enum CliError {
     /// A new node cannot be written.
     #[error(transparent)]
     NewNode(#[from] crate::commands::new_node::Refusal),
+    /// A scene file cannot be read, or not be made.
+    #[error("{}: {cause}", file.display())]
+    SceneFile {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        cause: gear_splat::formats::FormatError,
+    },
+    /// A name that says no format.
+    #[error("{}: the name says no format; expected {}", file.display(), gear_splat::formats::Format::WRITTEN)]
+    SceneName {
+        /// The file.
+        file: PathBuf,
+    },
+    /// A scene would be converted onto itself.
+    #[error("{}: is the input; give the output another name", file.display())]
+    OntoItself {
+        /// The file.
+        file: PathBuf,
+    },
+    /// A camera file has no cameras that can be used.
+    #[error("--camera {}: {cause}", file.display())]
+    CameraFile {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        cause: String,
+    },
+    /// A picture that is too large.
+    #[error("{name}: {cause}; set it with --size")]
+    PictureSize {
+        /// The picture.
+        name: String,
+        /// Why.
+        cause: String,
+    },
     /// A file is in the way.
     #[error("{}: exists already; remove it, or copy elsewhere with --to DIR", file.display())]
     InTheWay {

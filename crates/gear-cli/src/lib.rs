@@ -17,6 +17,7 @@
 //! | `inputs` | `--input NAME=PATH` and `sample:NAME` |
 //! | `outputs`, `bundle`, `folder` | values as files, written so that no half file stands under a final name |
 //! | `artefacts`, `gallery`, `page` | pictures of a run and the page that shows them |
+//! | `scenes` | scenes and cameras given as files |
 //! | `sizes` | bytes and times, as people write them |
 //! | `words` | what the page says about pictures and numbers |
 //! | `progress` | progress bars, or a line a node |
@@ -35,6 +36,7 @@ mod outputs;
 mod page;
 mod progress;
 mod registry;
+mod scenes;
 mod sizes;
 mod words;
 
@@ -98,6 +100,8 @@ fn dispatch(command: &Command, registry: &Registry, console: &Console) -> Result
         Command::Graph(options) => commands::graph::graph(options, registry, console),
         Command::Schema => commands::schema::schema(registry, console),
         Command::Graphs(options) => commands::graphs::graphs(options, console),
+        Command::Convert(options) => commands::convert::convert(options, console),
+        Command::Render(options) => commands::render::render(options, console),
         Command::Sample(options) => commands::sample::sample(options, console),
     }
 }

@@ -69,7 +69,7 @@ pub fn is_height(name: &str) -> bool {
 }
 
 /// A view's name as part of a file name on any system.
-fn file_name(view: &str) -> String {
+pub fn file_name(view: &str) -> String {
     view.chars()
         .map(|c| {
             if c.is_ascii_alphanumeric() || "+-_.".contains(c) {

@@ -25,6 +25,21 @@ pub enum Projection {
     },
 }
 
+impl Projection {
+    /// So many times as many pixels.
+    fn magnified(self, factor: f64) -> Self {
+        let scale = |s: f32| (f64::from(s) * factor) as f32;
+        match self {
+            Self::Orthographic { pixels_per_unit } => Self::Orthographic {
+                pixels_per_unit: scale(pixels_per_unit),
+            },
+            Self::Pinhole { focal_px } => Self::Pinhole {
+                focal_px: scale(focal_px),
+            },
+        }
+    }
+}
+
 /// A camera: a rigid world-to-camera motion (`p_cam = rotation · p_world + translation`) and a projection.
 ///
 /// Camera space has x right, y down, z forward. Pixel centres have integer coordinates: pixel (0, 0) covers
@@ -230,18 +245,41 @@ impl Camera {
         let side = |n: u32| libm::round(f64::from(n) * factor).max(1.0) as u32;
         let scale = |s: f32| (f64::from(s) * factor) as f32;
         Self {
-            projection: match self.projection {
-                Projection::Orthographic { pixels_per_unit } => Projection::Orthographic {
-                    pixels_per_unit: scale(pixels_per_unit),
-                },
-                Projection::Pinhole { focal_px } => Projection::Pinhole {
-                    focal_px: scale(focal_px),
-                },
-            },
+            projection: self.projection.magnified(factor),
             // Pixel centres are integers: the picture's corner −½ stays where it is.
             principal: self.principal.map(|c| scale(c + 0.5) - 0.5),
             width: side(self.width),
             height: side(self.height),
+            ..*self
+        }
+    }
+
+    /// The same view in a picture of this size (at least 1 a side): scaled until it touches two sides, in the middle, so
+    /// that beyond the other two more is seen.
+    pub fn fitted(&self, width: u32, height: u32) -> Self {
+        let (old, new) = ([self.width, self.height], [width.max(1), height.max(1)]);
+        if old == new {
+            return *self;
+        }
+        let ratio = |axis: usize| f64::from(new[axis]) / f64::from(old[axis].max(1));
+        let factor = ratio(0).min(ratio(1));
+        let principal = [0, 1].map(|axis| {
+            let room = f64::from(new[axis]) - factor * f64::from(old[axis]);
+            ((f64::from(self.principal[axis]) + 0.5) * factor - 0.5 + 0.5 * room) as f32
+        });
+        Self {
+            projection: self.projection.magnified(factor),
+            principal,
+            width: new[0],
+            height: new[1],
+            ..*self
+        }
+    }
+
+    /// This camera in a world that was turned as [`crate::Scene::turned_over`] turns a scene: it sees the same.
+    pub fn turned_over(&self) -> Self {
+        Self {
+            rotation: self.rotation * Mat3::from_diagonal(Vec3::new(1.0, -1.0, -1.0)),
             ..*self
         }
     }
@@ -334,6 +372,20 @@ mod tests {
         let point = Vec3::new(0.21, -0.33, 0.0);
         let (a, b) = (parallel.project(point).unwrap(), pinhole.project(point).unwrap());
         assert!((a.pixel[0] - b.pixel[0]).abs() < 1e-3 && (a.pixel[1] - b.pixel[1]).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_fitted_picture_shows_the_whole_frame_in_its_middle() {
+        let camera = Camera::front_pinhole(64, 48, 0.9);
+        let wide = camera.fitted(200, 96);
+        assert_eq!((wide.width, wide.height), (200, 96));
+        // Twice as large, and (200 − 128) / 2 pixels more on the left.
+        for point in [Vec3::ZERO, Vec3::new(0.3, -0.2, 0.1)] {
+            let (a, b) = (camera.project(point).unwrap(), wide.project(point).unwrap());
+            assert!((b.pixel[0] - (2.0 * a.pixel[0] + 0.5 + 36.0)).abs() < 1e-3);
+            assert!((b.pixel[1] - (2.0 * a.pixel[1] + 0.5)).abs() < 1e-3);
+        }
+        assert_eq!(camera.fitted(64, 48), camera);
     }
 
     #[test]

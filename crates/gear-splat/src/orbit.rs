@@ -8,6 +8,9 @@ use crate::{Bounds, Camera, Device, DeviceError, Outputs, RenderOptions, Renderi
 /// painting's size needs √3; only scenes with strays far away ask for more.
 const WIDEST: u32 = 3;
 
+/// Angle under which [`facing`] shows a scene, along the shorter side.
+const FACING_DEGREES: f32 = 40.0;
+
 /// Cameras around the scene's centre, at these yaws in degrees, from its canonical camera.
 ///
 /// Each frame is the canonical one, widened by whole pixels where the turned scene would leave it; at yaw 0 it is the
@@ -32,6 +35,27 @@ pub fn cameras(scene: &Scene, yaws_degrees: &[f64], longer_side: u32) -> Vec<Cam
             }
         })
         .collect()
+}
+
+/// A pinhole camera for a scene that has none: before its middle (98 % of the centres along each axis), at the distance
+/// at which a ball around that fills the shorter side of the picture.
+pub fn facing(scene: &Scene, width: u32, height: u32) -> Camera {
+    let middle = scene.middle_bounds(0.01).unwrap_or(Bounds {
+        min: glam::Vec3::splat(-0.5),
+        max: glam::Vec3::splat(0.5),
+    });
+    let valid = (0..scene.len()).filter(|&i| scene.is_valid(i));
+    let mut scales: Vec<f32> = valid.map(|i| scene.log_scales[i].max_element()).collect();
+    scales.sort_unstable_by(f32::total_cmp);
+    let typical = scales.get(scales.len() / 2).map_or(0.0, |&log| libm::expf(log));
+    // Within these the distance and its square are f32 numbers.
+    let radius = (0.5 * middle.size().length() + 3.0 * typical).clamp(1e-12, 1e12);
+    let half = f64::from(FACING_DEGREES).to_radians() / 2.0;
+    let focal_px = 0.5 * f64::from(width.min(height)) / libm::tan(half);
+    let away = (f64::from(radius) / libm::sin(half)) as f32;
+    let center = middle.center();
+    let eye = center + glam::Vec3::Z * away;
+    Camera::look_at(eye, center, glam::Vec3::Y, width, height, focal_px as f32)
 }
 
 /// The same frame for all cameras, as large as the largest needs: for frames that one flips through.
@@ -173,6 +197,26 @@ mod tests {
             let shift = [b.principal[0] - a.principal[0], b.principal[1] - a.principal[1]];
             assert!(shift.iter().all(|s| *s >= 0.0 && s.fract() == 0.0), "{shift:?}");
         }
+    }
+
+    #[test]
+    fn a_scene_without_a_camera_is_faced_whole_whatever_its_size() {
+        for unit in [1e-6, 1.0, 1e6] {
+            let mut scene = deep_scene();
+            scene.canonical_camera = None;
+            scene
+                .centers
+                .iter_mut()
+                .for_each(|c| *c = *c * unit + Vec3::splat(3.0 * unit));
+            scene.log_scales = vec![Vec3::splat(libm::logf(0.01 * unit)); scene.len()];
+            let camera = facing(&scene, 80, 60);
+            for &center in &scene.centers {
+                let seen = camera.project(center).unwrap();
+                let [u, v] = seen.pixel;
+                assert!((0.0..79.0).contains(&u) && (0.0..59.0).contains(&v), "{unit}: {u} {v}");
+            }
+        }
+        assert!(facing(&Scene::default(), 80, 60).is_valid());
     }
 
     #[test]

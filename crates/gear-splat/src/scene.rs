@@ -182,6 +182,42 @@ impl Scene {
         (kept, dropped)
     }
 
+    /// The scene turned by half a turn about the x axis: y and z change their signs. Scenes made from photographs usually
+    /// have y downwards; turned over they stand upright here.
+    pub fn turned_over(&self) -> Scene {
+        let mut scene = self.clone();
+        scene.centers.iter_mut().for_each(|c| *c *= Vec3::new(1.0, -1.0, -1.0));
+        for q in &mut scene.rotations {
+            // (1, 0, 0, 0) · q, by components, so that its length stays as it is to the bit.
+            *q = Quat::from_xyzw(q.w, -q.z, q.y, -q.x);
+        }
+        let bands = sh::bands(self.sh_degree);
+        if bands > 0 {
+            for channel in scene.sh_rest.chunks_exact_mut(bands) {
+                channel.iter_mut().zip(sh::TURNED_OVER).for_each(|(c, sign)| *c *= sign);
+            }
+        }
+        scene.canonical_camera = self.canonical_camera.map(|camera| camera.turned_over());
+        scene
+    }
+
+    /// The box of the middle of the centres of the valid Gaussians that can be seen at all: along each axis, `share` of
+    /// them lie below it and as many above. `None` when there is none.
+    pub fn middle_bounds(&self, share: f64) -> Option<Bounds> {
+        let visible = logit(1.0 / 255.0);
+        let seen: Vec<usize> = (0..self.len())
+            .filter(|&i| self.is_valid(i) && self.opacity_logits[i] >= visible)
+            .collect();
+        let aside = (share.clamp(0.0, 0.5) * seen.len().checked_sub(1)? as f64) as usize;
+        let (mut min, mut max) = (Vec3::ZERO, Vec3::ZERO);
+        for axis in 0..3 {
+            let mut along: Vec<f32> = seen.iter().map(|&i| self.centers[i][axis]).collect();
+            along.sort_unstable_by(f32::total_cmp);
+            (min[axis], max[axis]) = (along[aside], along[along.len() - 1 - aside]);
+        }
+        Some(Bounds { min, max })
+    }
+
     /// The box of the centres of the valid Gaussians that can be seen at all (opacity ≥ 1/255); `None` when there
     /// is none.
     pub fn bounds(&self) -> Option<Bounds> {
@@ -313,6 +349,57 @@ pub(crate) mod tests {
         assert_eq!(scene.bounds().unwrap().max, Vec3::ZERO);
         let wide = scene.bounds_with_extent(3.0).unwrap();
         assert!((wide.max - Vec3::new(0.6, 0.3, 0.03)).length() < 1e-5);
+    }
+
+    #[test]
+    fn a_scene_turned_over_looks_the_same_to_a_camera_turned_with_it() {
+        let mut scene = Scene {
+            sh_degree: 3,
+            canonical_camera: Some(Camera::look_at(
+                Vec3::new(0.4, 0.3, 2.0),
+                Vec3::ZERO,
+                Vec3::Y,
+                40,
+                30,
+                50.0,
+            )),
+            ..Scene::default()
+        };
+        scene.push(one(Vec3::new(0.1, -0.2, 0.3)));
+        scene.rotations[0] = Quat::from_xyzw(0.5, -0.1, 0.3, 0.8).normalize();
+        scene.sh_rest = (0..45).map(|i| (i as f32 - 22.0) / 20.0).collect();
+        let turned = scene.turned_over();
+        let see = |scene: &Scene| {
+            let camera = scene.canonical_camera.unwrap();
+            let d = camera.direction_to(scene.centers[0]);
+            let basis = sh::basis(3, d);
+            let color: f64 = basis
+                .iter()
+                .zip(scene.sh_rest_of(0))
+                .map(|(y, c)| y * f64::from(*c))
+                .sum();
+            let axes = camera.rotation * glam::Mat3::from_quat(scene.rotations[0]);
+            (camera.project(scene.centers[0]).unwrap(), axes, color)
+        };
+        let ((a, a_axes, a_color), (b, b_axes, b_color)) = (see(&scene), see(&turned));
+        assert!((a.pixel[0] - b.pixel[0]).abs() < 1e-4 && (a.pixel[1] - b.pixel[1]).abs() < 1e-4);
+        assert!(
+            (a.depth - b.depth).abs() < 1e-6 && (a_color - b_color).abs() < 1e-6,
+            "{a_color} {b_color}"
+        );
+        assert!(a_axes.abs_diff_eq(b_axes, 1e-6), "{a_axes} {b_axes}");
+        let back = turned.turned_over();
+        assert_eq!((back.centers, back.sh_rest), (scene.centers, scene.sh_rest));
+    }
+
+    #[test]
+    fn the_middle_leaves_strays_aside() {
+        let mut scene = Scene::default();
+        (0..101).for_each(|i| scene.push(one(Vec3::X * i as f32)));
+        scene.centers[100] = Vec3::splat(1e6);
+        let middle = scene.middle_bounds(0.01).unwrap();
+        assert_eq!((middle.min, middle.max), (Vec3::X, Vec3::X * 99.0));
+        assert_eq!(Scene::default().middle_bounds(0.01), None);
     }
 
     #[test]

@@ -29,6 +29,13 @@ const Y3: [f64; 7] = [
     -0.590_043_589_926_643_5,
 ];
 
+/// What the basis functions above the constant one become when y and z change their signs.
+pub const TURNED_OVER: [f32; 15] = [
+    -1.0, -1.0, 1.0, // degree 1
+    -1.0, 1.0, 1.0, -1.0, 1.0, // degree 2
+    -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0, // degree 3
+];
+
 /// `f_dc` of an sRGB-encoded colour component.
 pub fn dc_from_color(color: f32) -> f32 {
     (color - 0.5) / Y0

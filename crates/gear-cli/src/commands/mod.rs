@@ -2,11 +2,13 @@
 
 pub mod cache;
 pub mod check;
+pub mod convert;
 pub mod graph;
 pub mod graphs;
 pub mod new_node;
 pub mod nodes;
 pub mod plan;
+pub mod render;
 pub mod run;
 pub mod sample;
 pub mod schema;

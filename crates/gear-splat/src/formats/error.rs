@@ -10,6 +10,20 @@ pub(super) const READABLE: &str = "3DGS PLY, PlayCanvas compressed PLY, SPZ or .
 /// Why a scene could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum FormatError {
+    /// The file system refused.
+    #[error("cannot be read: {0}")]
+    Io(#[from] std::io::Error),
+    /// A folder.
+    #[error("is a folder; expected a file with a Gaussian scene ({READABLE})")]
+    Folder,
+    /// More bytes than are read.
+    #[error("the file has {found} bytes; at most {most} are read")]
+    TooLarge {
+        /// Its length.
+        found: u64,
+        /// The limit.
+        most: u64,
+    },
     /// There are no bytes.
     #[error("the file is empty; expected a Gaussian scene ({READABLE})")]
     Empty,

@@ -1,4 +1,4 @@
-//! Files of Gaussian scenes, a module each; views as layered OpenEXR.
+//! Files of Gaussian scenes, a module each; views as layered OpenEXR, planes of one view as plain OpenEXR.
 //!
 //! | module | format | | kept |
 //! |---|---|---|---|
@@ -16,6 +16,7 @@ pub mod compressed_ply;
 mod error;
 pub mod gltf;
 mod loss;
+pub mod planes_exr;
 pub mod ply;
 mod ply_header;
 pub mod splat;
@@ -32,6 +33,9 @@ pub use loss::Loss;
 
 /// A file with more Gaussians is taken for damaged: as f32 they would fill over 3 GB even without higher SH.
 pub const MOST_GAUSSIANS: u64 = 1 << 26;
+
+/// A longer file is not read.
+pub const MOST_BYTES: u64 = 1 << 34;
 
 /// A format of scene files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,6 +154,21 @@ pub struct Loaded {
     pub format: Format,
     /// What a user should know: parts of the file that were not taken over.
     pub notes: Vec<String>,
+}
+
+/// Reads a file in any of the formats.
+pub fn open(path: &Path) -> Result<Loaded, FormatError> {
+    let meta = std::fs::metadata(path)?;
+    if meta.is_dir() {
+        return Err(FormatError::Folder);
+    }
+    if meta.len() > MOST_BYTES {
+        return Err(FormatError::TooLarge {
+            found: meta.len(),
+            most: MOST_BYTES,
+        });
+    }
+    read(&std::fs::read(path)?)
 }
 
 /// Reads a scene in any of the formats.

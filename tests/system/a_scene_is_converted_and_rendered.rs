@@ -1,0 +1,327 @@
+//! `gear convert` and `gear render`: scenes in, scenes and pictures out, and what is lost is told.
+
+use std::process::Command;
+
+use gear_splat::formats::{self, Format, planes_exr};
+use gear_splat::{Camera, Gaussian, Scene};
+use gear_tests::{Desk, json};
+use glam::{Mat3, Quat, Vec3};
+
+/// A red ball of surfels before a blue one, 40 × 30 pixels in its own camera.
+fn scene(sh_degree: u8) -> Scene {
+    let mut scene = Scene {
+        sh_degree,
+        canonical_camera: Some(Camera::front(40, 30)),
+        ..Scene::default()
+    };
+    for i in 0..300 {
+        let z = 1.0 - (2.0 * i as f32 + 1.0) / 300.0;
+        let (sin, cos) = libm::sincosf(2.399_963 * i as f32);
+        let out = Vec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+        scene.push(Gaussian {
+            center: 0.3 * out,
+            scales: Vec3::new(0.03, 0.03, 0.004),
+            rotation: Quat::from_rotation_arc(Vec3::Z, out),
+            opacity: 0.95,
+            color: if z > 0.0 { [0.9, 0.2, 0.1] } else { [0.1, 0.2, 0.9] },
+        });
+    }
+    scene
+}
+
+fn desk_with_scene(sh_degree: u8) -> Desk {
+    let desk = Desk::new();
+    desk.file(
+        "scene.ply",
+        formats::write(&scene(sh_degree), Format::Ply).unwrap().bytes,
+    );
+    desk
+}
+
+fn picture(desk: &Desk, name: &str) -> image::RgbImage {
+    image::open(desk.path(name)).unwrap().to_rgb8()
+}
+
+/// Mean difference of two pictures, of 255.
+fn difference(a: &image::RgbImage, b: &image::RgbImage) -> f64 {
+    assert_eq!(a.dimensions(), b.dimensions());
+    let pairs = a.as_raw().iter().zip(b.as_raw());
+    let sum: f64 = pairs.map(|(a, b)| f64::from(a.abs_diff(*b))).sum();
+    sum / a.as_raw().len() as f64
+}
+
+#[test]
+fn a_converted_scene_looks_as_it_did() {
+    let desk = desk_with_scene(1);
+    desk.gear(&["render", "scene.ply", "--out", "before"]).exits(0);
+    for name in ["scene.spz", "scene.splat", "again.ply"] {
+        let done = desk.gear(&["convert", "scene.ply", name]).exits(0);
+        assert_eq!(done.stdout.trim(), name);
+        let out = format!("after-{name}");
+        desk.gear(&["render", name, "--camera", "before/cameras.json", "--out", &out])
+            .exits(0);
+        let off = difference(
+            &picture(&desk, "before/view.png"),
+            &picture(&desk, &format!("{out}/view.png")),
+        );
+        assert!(off < 1.0, "{name}: {off}");
+    }
+    let exact = formats::open(&desk.path("again.ply")).unwrap();
+    assert_eq!((exact.scene, exact.format), (scene(1), Format::Ply));
+    // A name that lies does not matter.
+    std::fs::rename(desk.path("scene.spz"), desk.path("lie.ply")).unwrap();
+    desk.gear(&["convert", "lie.ply", "back.splat"])
+        .exits(0)
+        .says("SPZ, 300 Gaussians");
+}
+
+#[test]
+fn what_a_format_cannot_hold_is_told() {
+    let desk = desk_with_scene(2);
+    desk.gear(&["convert", "scene.ply", "scene.splat"])
+        .exits(0)
+        .says("SH degree 2 becomes 0")
+        .says("canonical camera is not kept")
+        .says("rotations to 1°");
+    let kept = desk.gear(&["convert", "scene.ply", "scene.glb"]).exits(0);
+    assert!(!kept.stderr.contains("note:"), "{kept:?}");
+    let mut odd = scene(0);
+    odd.centers[3].x = f32::NAN;
+    desk.file("odd.ply", formats::write(&odd, Format::Ply).unwrap().bytes);
+    desk.gear(&["convert", "odd.ply", "odd.spz"])
+        .exits(0)
+        .says("1 Gaussians are not finite");
+    assert_eq!(formats::open(&desk.path("odd.spz")).unwrap().scene.len(), 299);
+}
+
+#[test]
+fn a_scene_upside_down_is_turned_over() {
+    let desk = desk_with_scene(0);
+    let upside_down = Scene {
+        canonical_camera: None,
+        ..scene(0).turned_over()
+    };
+    desk.file("down.ply", formats::write(&upside_down, Format::Ply).unwrap().bytes);
+    desk.gear(&["convert", "--y-down", "down.ply", "up.ply"]).exits(0);
+    let up = formats::open(&desk.path("up.ply")).unwrap().scene;
+    assert_eq!(up.centers, scene(0).centers);
+}
+
+#[test]
+fn what_cannot_be_converted_is_named_and_nothing_is_written() {
+    let desk = desk_with_scene(0);
+    let bytes = std::fs::read(desk.path("scene.ply")).unwrap();
+    desk.file("cut.ply", &bytes[..bytes.len() / 2]);
+    desk.file("picture.png", b"\x89PNG\r\n\x1a\n");
+    desk.file("empty.spz", b"");
+    desk.file(
+        "nothing.ply",
+        formats::write(&Scene::default(), Format::Ply).unwrap().bytes,
+    );
+    let before = desk.listing(".");
+    for (arguments, part) in [
+        (["cut.ply", "out.spz"], "truncated"),
+        (["picture.png", "out.spz"], "PNG picture"),
+        (["empty.spz", "out.ply"], "empty"),
+        (["gone.ply", "out.ply"], "gone.ply: cannot be read"),
+        ([".", "out.ply"], "is a folder"),
+        (["scene.ply", "out.obj"], "expected .ply, .spz, .splat or .glb"),
+        (["scene.ply", "out.compressed.ply"], "read, not written"),
+        (["nothing.ply", "out.glb"], "no valid Gaussian"),
+        (["scene.ply", "./scene.ply"], "is the input"),
+    ] {
+        desk.gear(&["convert", arguments[0], arguments[1]]).exits(2).says(part);
+    }
+    desk.gear(&["convert", "scene.ply", "no/such/folder/out.spz"])
+        .exits(1)
+        .says("cannot be written");
+    assert_eq!(desk.listing("."), before);
+    assert_eq!(std::fs::read(desk.path("scene.ply")).unwrap(), bytes);
+}
+
+#[test]
+fn an_orbit_is_rendered_with_depth_and_normals() {
+    let desk = desk_with_scene(0);
+    desk.gear(&[
+        "render",
+        "scene.ply",
+        "--orbit",
+        "4",
+        "--size",
+        "64x48",
+        "--depth",
+        "--normal",
+        "--out",
+        "p",
+    ])
+    .exits(0);
+    let mut expected = vec!["cameras.json".to_owned()];
+    for yaw in ["+0", "+90", "+180", "+270"] {
+        for kind in ["png", "depth.exr", "normal.exr"] {
+            expected.push(format!("yaw{yaw}.{kind}"));
+        }
+    }
+    expected.sort();
+    assert_eq!(desk.listing("p"), expected);
+    let middle = |name: &str| picture(&desk, name).get_pixel(32, 24).0;
+    let (front, back) = (middle("p/yaw+0.png"), middle("p/yaw+180.png"));
+    assert!(front[0] > front[2] + 80 && back[2] > back[0] + 80, "{front:?} {back:?}");
+    assert_eq!(picture(&desk, "p/yaw+90.png").dimensions(), (64, 48));
+
+    let again = desk.gear(&["render", "scene.ply", "--camera", "p/cameras.json", "--out", "again"]);
+    assert_eq!(again.exits(0).stdout.lines().count(), 5);
+    for name in ["yaw+0.png", "yaw+270.png"] {
+        let bytes = |folder: &str| std::fs::read(desk.path(folder).join(name)).unwrap();
+        assert_eq!(bytes("p"), bytes("again"), "{name}");
+    }
+    let camera: Camera = serde_json::from_value(json(&desk.path("p/cameras.json"))[0].clone()).unwrap();
+    let view = gear_splat::render(&scene(0), &camera, &Default::default(), gear_splat::Outputs::ALL);
+    let depth = planes_exr::depth(&view.surface_depth().unwrap()).unwrap();
+    assert_eq!(std::fs::read(desk.path("p/yaw+0.depth.exr")).unwrap(), depth);
+}
+
+#[test]
+fn a_scene_without_a_camera_is_seen_from_the_front_whatever_its_size() {
+    let desk = Desk::new();
+    for unit in [1e-4f32, 1.0, 1e4] {
+        let mut scene = Scene {
+            canonical_camera: None,
+            ..scene(0)
+        };
+        scene.centers.iter_mut().for_each(|c| *c = (*c + Vec3::ONE) * unit);
+        scene.log_scales.iter_mut().for_each(|s| *s += libm::logf(unit));
+        desk.file("scene.ply", formats::write(&scene, Format::Ply).unwrap().bytes);
+        desk.gear(&["render", "scene.ply", "--size", "50", "--out", "p"])
+            .exits(0);
+        let seen = picture(&desk, "p/view.png");
+        let middle = seen.get_pixel(25, 25).0;
+        assert!(
+            seen.dimensions() == (50, 50) && middle[0] > middle[2] + 80,
+            "{unit}: {middle:?}"
+        );
+    }
+}
+
+#[test]
+fn what_cannot_be_rendered_is_named() {
+    let desk = desk_with_scene(0);
+    desk.file("camera.json", r#"{"width": 3}"#);
+    for (arguments, part) in [
+        (
+            &["scene.ply", "--camera", "camera.json"][..],
+            "--camera camera.json: camera 1: missing field",
+        ),
+        (&["scene.ply", "--camera", "gone.json"], "cannot be read"),
+        (
+            &["scene.ply", "--camera", "camera.json", "--orbit", "2"],
+            "cannot be used with",
+        ),
+        (&["scene.ply", "--size", "0x4"], "expected sides"),
+        (&["scene.ply", "--size", "wide"], "WIDTHxHEIGHT"),
+        (&["scene.ply", "--orbit", "0"], "1..=720"),
+        (&["camera.json"], "no Gaussian scene"),
+        (&["scene.ply", "--out", "scene.ply"], "is a file, not a folder"),
+    ] {
+        desk.gear(&[&["render"], arguments].concat()).exits(2).says(part);
+    }
+    desk.file(
+        "nothing.ply",
+        formats::write(&Scene::default(), Format::Ply).unwrap().bytes,
+    );
+    desk.gear(&["render", "nothing.ply", "--size", "8"])
+        .exits(0)
+        .says("white");
+    assert_eq!(picture(&desk, "pictures/view.png").get_pixel(3, 3).0, [255; 3]);
+}
+
+#[test]
+fn a_graph_takes_a_scene_in_any_format() {
+    let desk = desk_with_scene(0);
+    desk.gear(&["convert", "scene.ply", "scene.spz"]).exits(0);
+    desk.file(
+        "graph.yaml",
+        "gear: 1\ninputs: {scene: Scene}\nnodes:\n  views: {node: RenderViews, in: {scene: scene}, with: {yaws: [0], size: 24}}\n\
+         outputs: {views: views.views}\n",
+    );
+    for name in ["scene.ply", "scene.spz"] {
+        let given = format!("scene={name}");
+        desk.gear(&[
+            "run",
+            "graph.yaml",
+            "--input",
+            &given,
+            "--out",
+            name.trim_start_matches("scene."),
+        ])
+        .exits(0);
+    }
+    assert!(desk.path("spz/views/yaw+0.png").exists() && desk.path("ply/views/yaw+0.png").exists());
+    desk.file("no.spz", b"nothing");
+    desk.gear(&["run", "graph.yaml", "--input", "scene=no.spz"])
+        .exits(2)
+        .says("no Gaussian scene");
+}
+
+/// `GEAR_SPLAT_TRANSFORM='npx --yes @playcanvas/splat-transform@2.7.1'`, or any other command that starts it.
+#[test]
+fn another_reader_finds_in_our_files_what_we_wrote() {
+    let Some(command) = std::env::var_os("GEAR_SPLAT_TRANSFORM") else {
+        println!("skipped: GEAR_SPLAT_TRANSFORM names no splat-transform");
+        return;
+    };
+    let command = command.into_string().unwrap();
+    let mut words = command.split_whitespace();
+    let program = words.next().unwrap();
+    let words: Vec<&str> = words.collect();
+    let desk = desk_with_scene(3);
+    for name in ["ours.spz", "ours.splat", "ours.glb"] {
+        desk.gear(&["convert", "scene.ply", name]).exits(0);
+    }
+    let transform = |arguments: &[&str]| {
+        let done = Command::new(program)
+            .args(&words)
+            .args(["--quiet", "--overwrite"])
+            .args(arguments)
+            .current_dir(desk.path("."))
+            .output()
+            .unwrap();
+        assert!(done.status.success(), "{arguments:?}: {done:?}");
+    };
+    // What it reads of ours and writes again, and how far a centre, a log scale and a colour may be off then. It takes y
+    // to point down in PLY and .splat and up in SPZ, as the format says, so it turns scenes over between these.
+    for (from, to, turned, center, scale, color) in [
+        ("scene.ply", "theirs.ply", false, 1e-6, 1e-6, 1e-6),
+        ("scene.ply", "theirs.compressed.ply", false, 1e-3, 0.01, 0.005),
+        ("scene.ply", "theirs.spz", true, 2e-4, 0.04, 0.004),
+        ("ours.spz", "of-spz.ply", true, 1e-6, 0.04, 0.004),
+        ("ours.splat", "of-splat.ply", false, 1e-6, 1e-4, 0.005),
+    ] {
+        let ours = if turned { scene(3).turned_over() } else { scene(3) };
+        let version: &[&str] = if to.ends_with(".spz") {
+            &["--spz-version", "3"]
+        } else {
+            &[]
+        };
+        transform(&[version, &[from, to]].concat());
+        let theirs = formats::open(&desk.path(to)).unwrap().scene;
+        assert_eq!(theirs.len(), 300, "{to}");
+        // They reorder compressed files along a curve; each Gaussian of ours has its like.
+        for i in 0..theirs.len() {
+            let near = |&j: &usize| (ours.centers[j] - theirs.centers[i]).length();
+            let j = (0..300).min_by(|a, b| near(a).total_cmp(&near(b))).unwrap();
+            assert!(near(&j) < center * 2.0, "{to} {i}: {}", near(&j));
+            let off = (ours.log_scales[j] - theirs.log_scales[i]).abs().max_element();
+            assert!(off < scale, "{to} {i}: {off}");
+            assert!(
+                (0..3).all(|c| (ours.color(j)[c] - theirs.color(i)[c]).abs() < color),
+                "{to} {i}"
+            );
+            // A half turn about an own axis gives the same Gaussian.
+            let [a, b] = [ours.rotations[j], theirs.rotations[i]].map(|q| Mat3::from_quat(q.normalize()));
+            for axis in 0..3 {
+                let along = a.col(axis).dot(b.col(axis)).abs();
+                assert!(along > 0.999, "{to} {i}: axis {axis} {along}");
+            }
+        }
+    }
+}
