@@ -46,7 +46,7 @@ use super::outcome::{self, Outcome};
 use super::{Run, keys, memory};
 use crate::{Context, Progress};
 
-const TICK: Duration = Duration::from_millis(20);
+const TICK: Duration = Duration::from_millis(50);
 /// How long an interrupted run waits for its nodes to notice.
 const GRACE: Duration = Duration::from_millis(700);
 /// Bytes of values that may wait to be written before writing goes first.
