@@ -173,3 +173,16 @@ fn a_graph_with_mistakes_is_refused_with_all_of_them() {
     desk.gear(&["run", "nowhere.yaml"]).exits(2).says("nowhere.yaml");
     desk.gear(&["run", "@gaer"]).exits(2).says("@gear");
 }
+
+#[test]
+fn an_input_that_a_result_would_replace() {
+    let desk = Desk::new();
+    std::fs::create_dir(desk.path("mine")).unwrap();
+    let mine = desk.file("mine/grounded.png", &png(40, 30));
+    let before = std::fs::read(&mine).unwrap();
+    let run = ["run", "@gear", "--input", "painting=mine/grounded.png", "--out", "mine"];
+    desk.gear(&run)
+        .exits(2)
+        .says("`grounded.png` in it is read by this run");
+    assert_eq!(std::fs::read(&mine).unwrap(), before);
+}

@@ -83,6 +83,19 @@ fn a_file_that_is_no_archive_is_refused() {
 }
 
 #[test]
+fn an_export_replaces_nothing_but_an_archive() {
+    let desk = small();
+    desk.gear(RUN).exits(0);
+    desk.file("mine.yaml", "gear: 1");
+    for taken in ["mine.yaml", "-", "out", "/dev/null"] {
+        desk.gear(&["cache", "export", taken]).exits(2).says("name a");
+    }
+    assert_eq!(std::fs::read_to_string(desk.path("mine.yaml")).unwrap(), "gear: 1");
+    desk.gear(&["cache", "export", "all.tar"]).exits(0);
+    desk.gear(&["cache", "export", "all.tar"]).exits(0);
+}
+
+#[test]
 fn a_folder_that_gear_did_not_make_is_not_touched() {
     let desk = small();
     desk.file("mine.txt", "mine");

@@ -127,7 +127,7 @@ pub struct PlanArgs {
     #[arg(long, value_name = "NAME")]
     pub output: Vec<String>,
     /// Threads in all
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub jobs: Option<u16>,
     /// Where results are kept between runs [default: $GEAR_STORE, or `gear` in the user's cache folder]
     #[arg(long, value_name = "DIR")]

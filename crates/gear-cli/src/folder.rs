@@ -52,6 +52,15 @@ impl Folder {
         Err(refuse("no part of this path exists".to_owned()))
     }
 
+    /// The name that a file has below the folder, with `/`; `None` if it is elsewhere or not there.
+    pub fn name_of(&self, file: &Path) -> Option<String> {
+        let folder = self.path.canonicalize().ok()?;
+        let file = file.canonicalize().ok()?;
+        let parts = file.strip_prefix(folder).ok()?.components();
+        let parts: Vec<_> = parts.map(|part| part.as_os_str().to_string_lossy()).collect();
+        Some(parts.join("/"))
+    }
+
     /// The files that earlier runs wrote here, by the record that the last of them left; names below the folder with
     /// `/`. Names that lead out of the folder are not believed.
     pub fn recorded(&self) -> BTreeSet<String> {

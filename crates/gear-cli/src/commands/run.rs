@@ -4,6 +4,7 @@
 //! anything is written; a file that cannot be decoded is found while it is loaded, and then nothing is written either.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -30,6 +31,7 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
     let graph = open(&args.run, registry, store.as_deref(), console)?;
     let mut run = set_up(&args.run, &graph, store.clone())?;
     let folder = Folder::probe(&args.out)?;
+    spare_what_is_read(&folder, args, &graph)?;
     let artefacts = Arc::new(Artefacts::new(store));
     let gallery = Arc::new(Gallery::open(Arc::clone(&artefacts)));
     let progress = Arc::new(Progress::new(how_to_show(args.quiet, console)));
@@ -48,7 +50,8 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
     if let Some(limit) = args.memory {
         run = run.memory_limit(limit);
     }
-    let run = run.cancel(interruption()).observer(Arc::new(observer));
+    let interrupted = interruption();
+    let run = run.cancel(Arc::clone(&interrupted)).observer(Arc::new(observer));
     let outcome = run.go().map_err(CliError::Run)?;
     progress.finish();
     gallery.finish();
@@ -61,11 +64,18 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
     if bad_input {
         return Ok(Exit::Mistake);
     }
-    if report.status == RunStatus::Interrupted {
+    let stopped = || {
         console.remark("interrupted; what was computed is kept, and the next run goes on from there");
-        return Ok(Exit::Interrupted);
+        Ok(Exit::Interrupted)
+    };
+    if report.status == RunStatus::Interrupted {
+        return stopped();
     }
-    write(&folder, &outcome, &artefacts, &gallery, &graph, console)?;
+    match write(&folder, &outcome, &artefacts, &gallery, &graph, console) {
+        // A value that the store had lost was being computed again.
+        Err(CliError::Encode { .. }) if interrupted.load(Ordering::Relaxed) => return stopped(),
+        written => written?,
+    }
     if !args.quiet {
         console.remark(&summary(report));
     }
@@ -74,6 +84,33 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
     } else {
         Exit::Failed
     })
+}
+
+/// Refuses to write results over the files that the run reads.
+fn spare_what_is_read(folder: &Folder, args: &RunArgs, graph: &gear_graph::Graph) -> Result<(), CliError> {
+    let given = &args.run;
+    let files = given.input.iter().filter_map(|input| Some(input.split_once('=')?.1));
+    let files = files.filter(|file| !file.starts_with("sample:"));
+    let wanted = |name: &str| given.output.is_empty() || given.output.iter().any(|output| output == name);
+    let names: BTreeSet<&str> = graph
+        .outputs()
+        .iter()
+        .map(|o| o.name.as_str())
+        .filter(|o| wanted(o))
+        .collect();
+    for file in files.chain([given.graph.graph.as_str()]) {
+        if let Some(name) = folder.name_of(Path::new(file))
+            && (name == RECORD || name == PAGE || names.contains(name.split(['.', '/']).next().unwrap_or_default()))
+        {
+            return Err(CliError::OutFolder {
+                folder: args.out.clone(),
+                cause: format!(
+                    "`{name}` in it is read by this run, and a result may take its name; choose another folder"
+                ),
+            });
+        }
+    }
+    Ok(())
 }
 
 fn how_to_show(quiet: bool, console: &Console) -> Show {

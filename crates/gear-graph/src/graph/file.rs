@@ -72,7 +72,11 @@ pub fn read<'t>(tree: &'t Tree, removed: &'t Removed, problems: &mut Vec<Problem
             file.outputs.push((name, source));
         }
     }
-    if get(top, "outputs").is_none_or(|tree| matches!(&tree.kind, TreeKind::Map(m) if m.is_empty())) {
+    if get(top, "outputs").is_none_or(|tree| match &tree.kind {
+        TreeKind::Map(outputs) => outputs.is_empty(),
+        TreeKind::Null => true,
+        _ => false,
+    }) {
         problems.push(
             Problem::error(
                 "no-outputs",

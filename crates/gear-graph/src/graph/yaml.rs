@@ -135,7 +135,10 @@ fn problem(error: &Error, source: u32, text: &str) -> Problem {
         },
         |location| span(&location, source, text),
     );
-    let error = error.without_snippet();
+    let mut error = error.without_snippet();
+    while let Error::AliasError { error: inner, .. } = error {
+        error = inner.without_snippet();
+    }
     let large = |message: &str, help: &str| Problem::error("too-large", message, span, "too much here").help(help);
     match error {
         Error::Budget {
@@ -158,6 +161,9 @@ fn problem(error: &Error, source: u32, text: &str) -> Problem {
     // The place is shown; it need not be told as well.
     let message = message.lines().next().and_then(|line| line.split(" at line ").next());
     let message = message.unwrap_or_default();
+    if message.contains("recursion limit") {
+        return large("the file is nested too deeply", "a graph needs few levels");
+    }
     let found = text.get(span.start as usize..).and_then(|rest| rest.chars().next());
     let (what, help) = match error {
         Error::MultipleDocuments { .. } => (
@@ -167,6 +173,10 @@ fn problem(error: &Error, source: u32, text: &str) -> Problem {
         Error::NullIntoString { .. } | Error::Unexpected { .. } => {
             ("a key must be a text", Some("write a name before the colon".to_owned()))
         }
+        Error::RecursiveReferencesRequireWeakTypes { .. } => (
+            "an anchor holds itself",
+            Some("`*name` cannot stand within what `&name` marks".to_owned()),
+        ),
         Error::UnknownAnchor { .. } => (
             "there is no anchor of that name",
             Some("`*name` repeats what `&name` marks further up".to_owned()),

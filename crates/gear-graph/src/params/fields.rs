@@ -103,6 +103,10 @@ fn misspelt_word(tree: &Tree, expected: &str) -> Option<String> {
     nearest(text, [word]).map(|word| format!("did you mean `{word}`?"))
 }
 
+fn has_leading_zero(digits: &str) -> bool {
+    digits.starts_with('0') && digits[1..].starts_with(|next: char| next.is_ascii_digit())
+}
+
 /// What YAML 1.1 would have made of a text, when that is what was expected.
 pub(crate) fn yaml_trap(tree: &Tree, expected: &str) -> Option<String> {
     let TreeKind::Text(text) = &tree.kind else {
@@ -137,7 +141,7 @@ pub(crate) fn yaml_trap(tree: &Tree, expected: &str) -> Option<String> {
         };
         let why = if plain.len() < text.len() {
             "a number with `_` is a text in YAML 1.2"
-        } else if plain.trim_start_matches(['-', '+']).starts_with('0') {
+        } else if has_leading_zero(plain.trim_start_matches(['-', '+'])) {
             "a number with a leading 0 is octal to some readers and decimal to others"
         } else {
             "quotes make it a text"

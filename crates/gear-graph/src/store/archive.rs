@@ -128,6 +128,7 @@ impl Store {
             path: to.to_path_buf(),
             cause,
         };
+        may_become_an_archive(to).map_err(io)?;
         let mut contents = BTreeSet::new();
         let mut actions = Vec::new();
         let mut keys = BTreeSet::new();
@@ -161,10 +162,11 @@ impl Store {
             .parent()
             .filter(|p| !p.as_os_str().is_empty())
             .unwrap_or(Path::new("."));
-        let file = tempfile::Builder::new()
-            .prefix(".gear-export-")
-            .tempfile_in(folder)
-            .map_err(io)?;
+        let mut place = tempfile::Builder::new();
+        place.prefix(".gear-export-");
+        #[cfg(unix)]
+        place.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = place.tempfile_in(folder).map_err(io)?;
         let mut archive = tar::Builder::new(BufWriter::new(file));
         let mut add = |name: &Path, bytes: &[u8]| {
             let mut header = tar::Header::new_gnu();
@@ -251,6 +253,28 @@ impl Store {
             false => Ok(archived),
         }
     }
+}
+
+/// Whether an archive may be written there: nothing is replaced but an archive.
+fn may_become_an_archive(path: &Path) -> io::Result<()> {
+    let refuse = |cause: &str| Err(io::Error::other(cause));
+    if path == Path::new("-") {
+        return refuse("an archive is not written to standard output; name a file");
+    }
+    let found = match fs::metadata(path) {
+        Ok(found) => found,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error),
+    };
+    if !found.is_file() {
+        return refuse("this is no regular file; name a new file, or an archive to replace");
+    }
+    let mut head = vec![0; MANIFEST.len()];
+    let archive = File::open(path).and_then(|mut file| file.read_exact(&mut head));
+    if archive.is_ok() && head == MANIFEST.as_bytes() {
+        return Ok(());
+    }
+    refuse("there is a file already, and it is no archive of a store; name a new file, or an archive to replace")
 }
 
 /// What was read from an archive: verified, and not yet part of the store.

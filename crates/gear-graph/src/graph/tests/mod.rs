@@ -156,3 +156,20 @@ fn no_text_makes_the_reader_panic() {
         }
     }
 }
+
+#[test]
+fn texts_that_never_end_are_told_in_words_of_graphs() {
+    let mut bomb = String::from("gear: 1\ninputs:\n  a: &a [x, x]\n");
+    for (name, of) in ('b'..='z').zip('a'..) {
+        bomb.push_str(&format!("  {name}: &{name} [*{of}, *{of}, *{of}, *{of}]\n"));
+    }
+    for (text, told) in [
+        (bomb.as_str(), "unfolds to more than can be read"),
+        (&format!("gear: 1\ninputs: {}", "[".repeat(20_000)), "nested too deeply"),
+        ("gear: 1\nnodes: &n {a: *n}\n", "an anchor holds itself"),
+        ("gear: 1\nnodes:\noutputs:\n", "the graph has no outputs"),
+    ] {
+        let mistakes = mistakes(text).to_string();
+        assert!(mistakes.contains(told), "expected `{told}` in: {mistakes}");
+    }
+}
