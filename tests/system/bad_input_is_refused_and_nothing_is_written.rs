@@ -178,7 +178,7 @@ fn a_graph_with_mistakes_is_refused_with_all_of_them() {
 fn an_input_that_a_result_would_replace() {
     let desk = Desk::new();
     std::fs::create_dir(desk.path("mine")).unwrap();
-    let mine = desk.file("mine/grounded.png", &png(40, 30));
+    let mine = desk.file("mine/grounded.png", png(40, 30));
     let before = std::fs::read(&mine).unwrap();
     let run = ["run", "@gear", "--input", "painting=mine/grounded.png", "--out", "mine"];
     desk.gear(&run)
