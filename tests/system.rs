@@ -34,6 +34,8 @@ mod same_bits_without_cpu_features;
 mod several_processes_share_a_store;
 #[path = "system/the_commands_answer.rs"]
 mod the_commands_answer;
+#[path = "system/the_device_is_chosen.rs"]
+mod the_device_is_chosen;
 #[path = "system/the_samples_pass_the_gates.rs"]
 mod the_samples_pass_the_gates;
 #[path = "system/the_store_is_looked_after.rs"]

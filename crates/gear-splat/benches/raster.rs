@@ -1,9 +1,10 @@
-//! What the CPU rasteriser costs: `cargo bench -p gear-splat --bench raster [-- --curve | --surfels]`.
+//! What the rasteriser costs: `cargo bench -p gear-splat --bench raster [-- --curve | --surfels | --gpu]`.
 //!
 //! The scene: centres in the unit ball, scales log-uniform 0.002–0.02, opacities 0.05–0.95, random rotations, SH degree
 //! 0, seen at 512² from distance 2.5 under 40°. Times are minima over many runs, which is what a quiet machine would
 //! show; on a busy one the counters of work (pairs, pixels, lanes) still compare. `--curve` goes from 10k to 3M
-//! Gaussians, `--surfels` shows reliefs of 1–2 px discs at 768² as `Reconstruct` makes them.
+//! Gaussians, `--surfels` shows reliefs of 1–2 px discs at 768² as `Reconstruct` makes them. `--gpu` (with the feature
+//! `gpu`) takes the most able GPU instead of the CPU, be it one that the CPU plays.
 
 use std::time::{Duration, Instant};
 
@@ -20,6 +21,8 @@ fn main() {
         }
     } else if asked("--curve") {
         curve();
+    } else if asked("--gpu") {
+        gpu();
     } else {
         for count in [20_000, 100_000, 400_000] {
             reset_peak();
@@ -41,6 +44,36 @@ fn curve() {
             both * 1e6 / count as f64
         );
     }
+}
+
+#[cfg(feature = "gpu")]
+fn gpu() {
+    use gear_splat::gpu::{Frame, Gpu};
+    let gpu = match Gpu::open(None) {
+        Ok(gpu) => std::sync::Arc::new(gpu),
+        Err(error) => return println!("{error}"),
+    };
+    println!("{}", gpu.name().realm());
+    for count in [20_000, 100_000, 400_000] {
+        let bench = Bench::new(random_ball(count));
+        let frame = || {
+            let options = RenderOptions::default();
+            let frame = Frame::new(&gpu, &bench.scene, &bench.camera, &options, Outputs::RGBA);
+            frame.expect("the scene fits into the GPU")
+        };
+        let draw = |frame: &Frame| frame.draw().expect("the GPU draws");
+        let forward = minimum(|| drop(draw(&frame())));
+        let both = minimum(|| {
+            let frame = frame();
+            drop(frame.backward(&bench.scene, &draw(&frame), &bench.loss, Wanted::ALL));
+        });
+        println!("{count:>7} Gaussians: forward {forward:.0} ms, forward + backward {both:.0} ms");
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+fn gpu() {
+    println!("built without the feature `gpu`");
 }
 
 fn report(bench: &Bench) {
