@@ -61,7 +61,7 @@ fn mirror(from: &Path, to: &Path) {
 /// `cargo` in a folder, unoptimised, without the network, and whatever this test was started with.
 fn cargo(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO"));
-    command.current_dir(folder).args(arguments);
+    command.current_dir(folder).arg(arguments[0]);
     if arguments[0] != "fmt" {
         command.args([
             "--offline",
@@ -70,6 +70,8 @@ fn cargo(folder: &Path, arguments: &[&str]) -> Output {
             "profile.dev.package.\"*\".opt-level=0",
         ]);
     }
+    // What follows `--` is not cargo's.
+    command.args(&arguments[1..]);
     for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("CARGO_PKG") || name.starts_with("CARGO_BIN"))
     {
         command.env_remove(name);
