@@ -1,10 +1,16 @@
 //! What the whole-system tests share: the `gear` binary as a user types it, in a folder of its own.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use tempfile::TempDir;
+
+/// How long a command may take. The longest takes a minute; a machine that is busy with other things, several.
+const PATIENCE: Duration = Duration::from_secs(900);
 
 /// The binary that was built together with these tests: `cargo test --workspace` builds it beside them. The variable
 /// `GEAR_BIN` names another.
@@ -89,9 +95,36 @@ impl Desk {
     /// Runs `gear` with these arguments.
     ///
     /// # Panics
-    /// If it cannot be started.
+    /// If it cannot be started, or does not end: a command that hangs is one test that fails, with what it said.
+    #[track_caller]
     pub fn gear(&self, arguments: &[&str]) -> Done {
-        self.command(arguments).output().expect("gear starts").into()
+        let mut command = self.command(arguments);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("gear starts");
+        let stdout = gather(child.stdout.take());
+        let stderr = gather(child.stderr.take());
+        let started = Instant::now();
+        let status = loop {
+            match child.try_wait().expect("gear can be waited for") {
+                Some(status) => break Some(status),
+                None if started.elapsed() > PATIENCE => {
+                    let _ = child.kill();
+                    let _ = child.wait();
+                    break None;
+                }
+                None => std::thread::sleep(Duration::from_millis(2)),
+            }
+        };
+        let text = |from: JoinHandle<Vec<u8>>| String::from_utf8_lossy(&from.join().unwrap_or_default()).into_owned();
+        let (stdout, stderr) = (text(stdout), text(stderr));
+        let Some(status) = status else {
+            panic!("`gear {}` did not end in {PATIENCE:?}; it said {stdout}{stderr}", arguments.join(" "));
+        };
+        Done {
+            code: status.code(),
+            stdout,
+            stderr,
+        }
     }
 
     /// The names of everything in a folder, with the folders below, sorted; empty if it is not there.
@@ -119,6 +152,17 @@ impl Desk {
     pub fn record(&self, out: &str) -> Record {
         Record(json(&self.path(out).join("run.json")))
     }
+}
+
+/// Reads a pipe to its end beside the process that fills it.
+fn gather(pipe: Option<impl Read + Send + 'static>) -> JoinHandle<Vec<u8>> {
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        if let Some(mut pipe) = pipe {
+            let _ = pipe.read_to_end(&mut bytes);
+        }
+        bytes
+    })
 }
 
 impl From<Output> for Done {

@@ -64,8 +64,7 @@ impl Store {
     /// Writes the logs anew without what is damaged in them.
     pub(super) fn mend(&self) -> io::Result<()> {
         self.flush();
-        let lock = log::lock_file(&self.root)?;
-        lock.lock()?;
+        let _folder = log::lock_exclusive(&self.root)?;
         let records = log::Log::read(&self.root, &mut Vec::new()).records();
         self.rewrite(records, u64::MAX)?;
         self.rewrite_origins(u64::MAX)?;
@@ -78,8 +77,7 @@ impl Store {
     /// digests. Other processes wait to append meanwhile; what they have open stays good.
     pub fn gc(&self, limit: u64) -> io::Result<Collected> {
         self.flush();
-        let lock = log::lock_file(&self.root)?;
-        lock.lock()?;
+        let _folder = log::lock_exclusive(&self.root)?;
         let records = log::Log::read(&self.root, &mut Vec::new()).records();
         let seconds = seconds_of(&records);
         let now = SystemTime::now();
@@ -176,8 +174,7 @@ impl Store {
     /// Removes everything that the store put into its folder.
     pub fn clear(&self) -> io::Result<Collected> {
         self.flush();
-        let lock = log::lock_file(&self.root)?;
-        lock.lock()?;
+        let _folder = log::lock_exclusive(&self.root)?;
         let mut collected = Collected::default();
         for (path, meta) in files(&self.root.join("contents")) {
             if Contents::named(&path).is_some() {

@@ -202,15 +202,10 @@ impl Log {
         self.bytes.len() - self.written + self.origins.len()
     }
 
-    /// Appends what was pushed since the last call, with one write a log. Origins go first: a record whose origin is
-    /// lost cannot be explained.
+    /// Appends what was pushed since the last call, with one write a log, for one who holds the folder's lock. Origins
+    /// go first: a record whose origin is lost cannot be explained.
     pub fn append(&mut self, root: &Path) -> io::Result<u64> {
         let pending = self.pending_bytes();
-        if pending == 0 {
-            return Ok(0);
-        }
-        let lock = lock_file(root)?;
-        lock.lock_shared()?;
         // Opened anew each time: `gc` of another process may have put a new file in its place.
         let append = |path: PathBuf, bytes: &[u8]| {
             let mut file = OpenOptions::new().append(true).create(true).open(path)?;
@@ -261,6 +256,20 @@ pub fn origins_of(bytes: &[u8]) -> (Vec<Origin>, usize) {
 
 pub fn lock_file(root: &Path) -> io::Result<File> {
     OpenOptions::new().create(true).append(true).open(root.join("lock"))
+}
+
+/// The folder's lock, as those who append hold it. Must not be waited for while a store's own state is locked.
+pub fn lock_shared(root: &Path) -> io::Result<File> {
+    let lock = lock_file(root)?;
+    lock.lock_shared()?;
+    Ok(lock)
+}
+
+/// The same, as those hold it who write the log anew or must see it at rest.
+pub fn lock_exclusive(root: &Path) -> io::Result<File> {
+    let lock = lock_file(root)?;
+    lock.lock()?;
+    Ok(lock)
 }
 
 /// The content that a record mentions.

@@ -25,7 +25,9 @@
 //! 3. Nothing read is believed: a record must verify, a content must have the checksum that is its name, a decoded
 //!    value must have the digest that the record promised. What does not is a miss and a warning, never a result.
 //! 4. A missing content is a miss only for who needs the value. Its digest is still good: keys are made of digests.
-//! 5. No error of the disk is an error of the run. The store then stops writing, says so once, and the run goes on.
+//! 5. The folder's lock is taken before the lock of a store's own state, never while that is held: otherwise a thread
+//!    that appends and one that mends the log would wait for each other.
+//! 6. No error of the disk is an error of the run. The store then stops writing, says so once, and the run goes on.
 //!
 //! # At a crash
 //!
@@ -292,11 +294,16 @@ impl Store {
 
     /// Records are appended in batches; this writes what has gathered.
     pub fn flush(&self) {
-        let mut inner = self.inner();
-        if inner.read_only {
+        let waits = |inner: &Inner| !inner.read_only && inner.log.pending_bytes() > 0;
+        if !waits(&self.inner()) {
             return;
         }
-        match inner.log.append(&self.root) {
+        let folder = log::lock_shared(&self.root);
+        let mut inner = self.inner();
+        if !waits(&inner) {
+            return;
+        }
+        match folder.and_then(|_folder| inner.log.append(&self.root)) {
             Ok(written) => inner.bytes += written,
             Err(error) => {
                 drop(inner);

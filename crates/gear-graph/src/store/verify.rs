@@ -39,17 +39,14 @@ impl Store {
         self.flush();
         // Who appends holds the lock: without it a batch that is being written would look torn. A store that cannot
         // be written has nobody who appends.
-        let lock = log::lock_file(&self.root).ok();
-        if let Some(lock) = &lock {
-            lock.lock()?;
-        }
+        let folder = log::lock_exclusive(&self.root).ok();
         let log = log::Log::of(match fs::read(log::path(&self.root)) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
             read => read?,
         });
         let (origins, damaged_origins) = log::read_origins(&self.root)?;
         if !repair {
-            drop(lock);
+            drop(folder);
         }
         let mut found = Verified::default();
         for (name, damaged) in [(log::ACTIONS, log.damaged), (log::ORIGINS, damaged_origins)] {

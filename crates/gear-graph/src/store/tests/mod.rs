@@ -71,6 +71,34 @@ fn two_stores_open_at_once_lose_nothing() {
     assert!(store.warnings().is_empty());
 }
 
+/// A run's end mends the log while the thread that paints the report still writes.
+#[test]
+fn mending_and_appending_at_once_do_not_wait_for_each_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = std::sync::Arc::new(Store::open(dir.path()));
+    let (ended, end) = std::sync::mpsc::channel();
+    for mends in [true, false] {
+        let (store, ended) = (std::sync::Arc::clone(&store), ended.clone());
+        std::thread::spawn(move || {
+            for i in 0..200 {
+                if mends {
+                    store.mend().unwrap();
+                } else {
+                    store.put_blob(&Digest::of(format!("blob {i}").as_bytes()), b"picture");
+                }
+            }
+            ended.send(()).unwrap();
+        });
+    }
+    for _ in 0..2 {
+        end.recv_timeout(std::time::Duration::from_secs(60))
+            .expect("both threads come to their end");
+    }
+    let again = Store::open(dir.path());
+    let kept = (0..200).all(|i| again.get_blob(&Digest::of(format!("blob {i}").as_bytes())).is_some());
+    assert!(kept && again.warnings().is_empty());
+}
+
 #[test]
 fn a_damaged_content_is_a_miss_a_warning_and_can_be_stored_again() {
     type Damage = fn(&PathBuf);

@@ -1,0 +1,5 @@
+//! Experiments over graphs: ablations, error against run time, stiff and extreme cases, pinned snapshots, people's
+//! preference, and the comparison of two runs.
+//!
+//! Nothing here knows a node: a registry and a graph are given, and outputs are compared by the norms that their value
+//! types have.
