@@ -156,3 +156,36 @@ fn what_a_style_does_not_look_at_is_said() {
     let answer = node.demand("image", &Known::of::<In>(vec![("mask", mask)])).unwrap();
     assert_eq!(answer, Demand::ready_because("style sculpture does not look at edges"));
 }
+
+/// Lengths in pixels are those of a picture of 512 px, for which the prototype is written.
+#[test]
+fn drawn_styles_agree_with_the_prototype() {
+    let oracle: serde_json::Value =
+        serde_json::from_str(include_str!("../../../tests/oracles/drawn_styles.json")).unwrap();
+    let light: LinearImage = Rgb::from_fn(512, 72, |x, y| {
+        let (x, y) = (x as f64, y as f64);
+        let tone = 0.45 + 0.33 * libm::sin(x / 23.0 + y / 31.0) * libm::cos(y / 17.0 - x / 61.0);
+        let (u, v) = ((x - 256.0) / 90.0, (y - 36.0) / 28.0);
+        let tone = if u * u + v * v < 1.0 { tone * 0.45 + 0.03 } else { tone };
+        [0.8, 0.5, 0.3].map(|c: f64| (c * tone) as f32)
+    });
+    let picture = light.to_srgb();
+    for (name, ours) in [
+        ("pencil-sketch", pencil::sketch(&picture, 7)),
+        ("woodcut", woodcut::cut(&picture)),
+    ] {
+        let expected: Vec<f32> = serde_json::from_value(oracle[name].clone()).unwrap();
+        let mut errors: Vec<f32> = (0..)
+            .step_by(331)
+            .zip(&expected)
+            .map(|(p, expected)| (ours.data()[p] - expected).abs())
+            .collect();
+        errors.sort_by(f32::total_cmp);
+        let tolerance = |what: &str| oracle["tolerance"][what].as_f64().unwrap() as f32;
+        let (most, worst) = (errors[errors.len() * 9 / 10], errors[errors.len() - 1]);
+        assert!(
+            most <= tolerance("nine_in_ten") && worst <= tolerance("worst"),
+            "{name}: nine in ten within {most}, the worst {worst}"
+        );
+    }
+}
