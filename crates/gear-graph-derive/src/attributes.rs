@@ -103,6 +103,7 @@ impl<'a> Param<'a> {
         if let Some(unit) = unit {
             limits = quote!(#limits.unit(#unit));
         }
+        limits = quote!(#limits.or(<#ty as ::gear_graph::Param>::bounds()));
         Ok(Self {
             doc: doc(&field.attrs),
             field,

@@ -74,6 +74,11 @@ pub const CAUSES: &[Cause] = &[
         "optional-into-required",
         "an optional input is wired to a port that needs something",
     ),
+    check("optional-output", "an output is an optional input, which may be absent"),
+    check(
+        "no-loader",
+        "no loader reads the type of an input, so that no file can be given for it",
+    ),
     schema("unknown-parameter", "the node or loader has no such parameter"),
     schema("missing-parameter", "a parameter without default is not given"),
     schema("wrong-parameter-type", "the value of a parameter is of another kind"),

@@ -126,6 +126,15 @@ pub struct GraphSource {
     pub library: Library,
 }
 
+/// How the inputs of a graph will be given.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Given {
+    /// As values or as files, by a program.
+    Values,
+    /// As files only.
+    Files,
+}
+
 impl GraphSource {
     /// A graph file without overrides. What it extends is found on disk only.
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
@@ -155,30 +164,40 @@ impl GraphSource {
 
     /// Reads and checks everything; all mistakes at once.
     pub fn check(&self, registry: &Registry) -> Result<Graph, Mistakes> {
-        self.read(registry, None).map(|(graph, _)| graph)
+        self.read(registry, None, Given::Values).map(|(graph, _)| graph)
+    }
+
+    /// The same for who gives inputs as files only, as `gear` does: an input that no loader reads is a mistake then.
+    pub fn check_for_files(&self, registry: &Registry) -> Result<Graph, Mistakes> {
+        self.read(registry, None, Given::Files).map(|(graph, _)| graph)
     }
 
     /// The same, but what checked clean before is taken from the store.
     pub fn check_in(&self, registry: &Registry, store: &Store) -> Result<Graph, Mistakes> {
         match compiled::find(self, registry, store) {
             Some(graph) => Ok(graph),
-            None => self.read(registry, Some(store)).map(|(graph, _)| graph),
+            None => self.read(registry, Some(store), Given::Values).map(|(graph, _)| graph),
         }
     }
 
     /// The text of one file that is the same graph: what it extends and the overrides are in it.
     pub fn resolve(&self, registry: &Registry) -> Result<String, Mistakes> {
-        self.read(registry, None).map(|(_, tree)| print::graph(&tree))
+        self.read(registry, None, Given::Values)
+            .map(|(_, tree)| print::graph(&tree))
     }
 
-    fn read(&self, registry: &Registry, store: Option<&Store>) -> Result<(Graph, Tree), Mistakes> {
+    fn read(&self, registry: &Registry, store: Option<&Store>, given: Given) -> Result<(Graph, Tree), Mistakes> {
         let mut sources = Vec::new();
         let mut problems = Vec::new();
         let mut compiled = None;
         let read = chain::read(self, &mut sources, &mut problems).and_then(|chain| {
-            let (tree, removed) = overlay::lay(chain.trees, &mut problems)?;
-            let tree = set::apply(tree, &self.set, &mut sources, &mut problems);
-            let file = file::read(&tree, &removed, &mut problems)?;
+            let laid = overlay::lay(chain.trees, &mut problems)?;
+            let tree = set::apply(laid.tree, &self.set, &mut sources, &mut problems);
+            let file = file::read(&tree, &laid.removed, &mut problems)?;
+            check::unset(&laid.unset, &file, registry, &mut problems);
+            if given == Given::Files {
+                check::not_from_files(&file, registry, &mut problems);
+            }
             let mut graph = check::check(&self.name, &file, registry, &mut problems)?;
             if store.is_some() && problems.is_empty() {
                 compiled = Some(compiled::write(&file, &graph, &chain.files[1..]));

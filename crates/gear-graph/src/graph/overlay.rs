@@ -5,6 +5,9 @@
 //! one. Another type of node or of input takes no parameters from the one that it replaces. `null` removes an input,
 //! a node, an output, a wire or a parameter. A section or map with nothing in it changes nothing.
 //!
+//! A parameter that is removed has its default again, so removing one that no base sets is no mistake: whoever writes
+//! an overlay need not know what its base says. Such names are kept apart, to be compared with those of the node type.
+//!
 //! Everything keeps the place where it was written, so that a mistake points into the right file. The name of what an
 //! overlay touches has its place in the overlay.
 
@@ -18,10 +21,26 @@ type Entry = (Spanned<String>, Tree);
 /// Inputs and nodes that an overlay removed, with the place where it did.
 pub type Removed = HashMap<String, Span>;
 
+/// A parameter that an overlay removes and that no base sets.
+pub struct Unset {
+    /// The input or node.
+    pub site: String,
+    /// The parameter.
+    pub param: Spanned<String>,
+}
+
+/// Graphs laid over each other.
+pub struct Laid {
+    pub tree: Tree,
+    pub removed: Removed,
+    pub unset: Vec<Unset>,
+}
+
 /// Lays the trees over each other; the last one is the base of all.
-pub fn lay(trees: Vec<Tree>, problems: &mut Vec<Problem>) -> Option<(Tree, Removed)> {
+pub fn lay(trees: Vec<Tree>, problems: &mut Vec<Problem>) -> Option<Laid> {
     let mut overlay = Overlay {
         removed: Removed::new(),
+        unset: Vec::new(),
         problems,
     };
     let mut trees = trees.into_iter().rev();
@@ -29,11 +48,16 @@ pub fn lay(trees: Vec<Tree>, problems: &mut Vec<Problem>) -> Option<(Tree, Remov
     for tree in trees {
         base = overlay.graph(base, tree);
     }
-    Some((base, overlay.removed))
+    Some(Laid {
+        tree: base,
+        removed: overlay.removed,
+        unset: overlay.unset,
+    })
 }
 
 struct Overlay<'p> {
     removed: Removed,
+    unset: Vec<Unset>,
     problems: &'p mut Vec<Problem>,
 }
 
@@ -100,8 +124,9 @@ impl Overlay<'_> {
                 self.removed.remove(&key.value);
             }
             let tree = match base {
-                Some(base) if what == "node" => self.site(base, tree, "node"),
-                Some(base) if what == "input" => self.site(typed(base), typed(tree), "type"),
+                Some(base) if what == "node" => self.site(base, tree, "node", &key.value),
+                Some(base) if what == "input" => self.site(typed(base), typed(tree), "type", &key.value),
+                None if what != "output" => self.new_site(tree, &key.value),
                 _ => tree,
             };
             merged.put(key, tree);
@@ -112,8 +137,48 @@ impl Overlay<'_> {
         }
     }
 
+    /// A node or an input that no base has.
+    fn new_site(&mut self, mut tree: Tree, name: &str) -> Tree {
+        if let TreeKind::Map(entries) = &mut tree.kind {
+            for (_, with) in entries.iter_mut().filter(|(key, _)| key.value == "with") {
+                self.unset_in(with, name);
+            }
+        }
+        tree
+    }
+
+    /// Takes out what a map of parameters removes where nothing is set.
+    fn unset_in(&mut self, with: &mut Tree, name: &str) {
+        let TreeKind::Map(entries) = &mut with.kind else {
+            return; // reported when the parameters are read
+        };
+        for (key, _) in entries.extract_if(.., |(_, tree)| tree.kind == TreeKind::Null) {
+            self.unset.push(Unset {
+                site: name.to_owned(),
+                param: key,
+            });
+        }
+        for (_, tree) in entries {
+            unset_in_method(tree);
+        }
+    }
+
+    /// Parameters over parameters.
+    fn params(&mut self, base: Tree, mut over: Tree, name: &str) -> Tree {
+        let (TreeKind::Map(set), TreeKind::Map(entries)) = (&base.kind, &mut over.kind) else {
+            return params(base, over);
+        };
+        let is_set = |key: &str| set.iter().any(|(known, _)| known.value == key);
+        let nothing = entries.extract_if(.., |(key, tree)| tree.kind == TreeKind::Null && !is_set(&key.value));
+        self.unset.extend(nothing.map(|(param, _)| Unset {
+            site: name.to_owned(),
+            param,
+        }));
+        params(base, over)
+    }
+
     /// A node over a node, or an input over an input; `kind` is the key that says of which type it is.
-    fn site(&mut self, base: Tree, over: Tree, kind: &str) -> Tree {
+    fn site(&mut self, base: Tree, over: Tree, kind: &str, name: &str) -> Tree {
         let (TreeKind::Map(entries), span) = (&over.kind, over.span) else {
             return over; // reported when the names are read
         };
@@ -136,7 +201,12 @@ impl Overlay<'_> {
         for (key, tree) in entries {
             let tree = match (key.value.as_str(), merged.take(&key.value)) {
                 ("in", Some(base)) => self.wires(base, tree),
-                ("with", Some(base)) => params(base, tree),
+                ("with", Some(base)) => self.params(base, tree, name),
+                ("with", None) => {
+                    let mut tree = tree;
+                    self.unset_in(&mut tree, name);
+                    tree
+                }
                 _ => tree,
             };
             merged.put(key, tree);
@@ -196,10 +266,17 @@ fn params(base: Tree, over: Tree) -> Tree {
         Err(one) => return one,
     };
     for (key, tree) in entries {
-        let tree = match merged.take(&key.value) {
-            Some(_) if tree.kind == TreeKind::Null => continue,
+        let base = merged.take(&key.value);
+        if tree.kind == TreeKind::Null {
+            continue;
+        }
+        let tree = match base {
             Some(base) => param(base, tree),
-            None => tree,
+            None => {
+                let mut tree = tree;
+                unset_in_method(&mut tree);
+                tree
+            }
         };
         merged.put(key, tree);
     }
@@ -221,7 +298,24 @@ fn param(base: Tree, over: Tree) -> Tree {
                 kind: TreeKind::Map(vec![(key, params(base, tree))]),
             }
         }
-        (_, kind) => Tree { span: over.span, kind },
+        (_, kind) => {
+            let mut tree = Tree { span: over.span, kind };
+            unset_in_method(&mut tree);
+            tree
+        }
+    }
+}
+
+/// Takes out what a method that is new removes of its parameters.
+fn unset_in_method(tree: &mut Tree) {
+    if let TreeKind::Map(entries) = &mut tree.kind
+        && let [(_, with)] = entries.as_mut_slice()
+        && let TreeKind::Map(params) = &mut with.kind
+    {
+        params.retain(|(_, tree)| tree.kind != TreeKind::Null);
+        for (_, tree) in params {
+            unset_in_method(tree);
+        }
     }
 }
 

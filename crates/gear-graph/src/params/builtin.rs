@@ -1,6 +1,6 @@
 //! Numbers, booleans, texts, lists and options as parameters.
 
-use super::{Limits, Param, ParamKind, ParamValue, Reader, Tree, TreeKind};
+use super::{Bound, Limits, Param, ParamKind, ParamValue, Reader, Tree, TreeKind};
 
 impl Param for bool {
     fn kind() -> ParamKind {
@@ -80,6 +80,16 @@ macro_rules! integers {
                 ParamKind::Integer
             }
 
+            fn bounds() -> Limits {
+                // Beyond 2^53, floats are no longer whole numbers one by one.
+                let end = |value: f64| (value.abs() <= 9_007_199_254_740_992.0).then_some(Bound { value, inclusive: true });
+                Limits {
+                    min: end(<$ty>::MIN as f64),
+                    max: end(<$ty>::MAX as f64),
+                    unit: None,
+                }
+            }
+
             fn read(tree: &Tree, limits: &Limits, reader: &mut Reader<'_>) -> Option<Self> {
                 let TreeKind::Integer(i) = tree.kind else {
                     reader.wrong_kind(tree, "a whole number");
@@ -135,6 +145,10 @@ impl<T: Param> Param for Vec<T> {
         }
     }
 
+    fn bounds() -> Limits {
+        T::bounds()
+    }
+
     fn read(tree: &Tree, limits: &Limits, reader: &mut Reader<'_>) -> Option<Self> {
         let TreeKind::List(items) = &tree.kind else {
             reader.wrong_kind(tree, &Self::kind().describe());
@@ -158,6 +172,10 @@ impl<T: Param, const N: usize> Param for [T; N] {
         }
     }
 
+    fn bounds() -> Limits {
+        T::bounds()
+    }
+
     fn read(tree: &Tree, limits: &Limits, reader: &mut Reader<'_>) -> Option<Self> {
         match &tree.kind {
             TreeKind::List(items) if items.len() == N => Vec::read(tree, limits, reader)?.try_into().ok(),
@@ -178,6 +196,10 @@ impl<T: Param> Param for Option<T> {
         ParamKind::Optional {
             of: Box::new(T::kind()),
         }
+    }
+
+    fn bounds() -> Limits {
+        T::bounds()
     }
 
     fn read(tree: &Tree, limits: &Limits, reader: &mut Reader<'_>) -> Option<Self> {
@@ -216,6 +238,10 @@ impl<T: Param> Param for OrAuto<T> {
         ParamKind::OrAuto {
             of: Box::new(T::kind()),
         }
+    }
+
+    fn bounds() -> Limits {
+        T::bounds()
     }
 
     fn read(tree: &Tree, limits: &Limits, reader: &mut Reader<'_>) -> Option<Self> {

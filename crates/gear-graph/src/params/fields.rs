@@ -226,20 +226,23 @@ impl<'t, 'p> Fields<'t, 'p> {
             if self.known.contains(&key.value.as_str()) {
                 continue;
             }
-            let help = match nearest(&key.value, self.known.iter().copied()) {
-                Some(name) => format!("did you mean `{name}`?"),
-                None if self.known.is_empty() => "it takes no parameters".to_string(),
-                None => format!("its parameters are {}", self.known.join(", ")),
-            };
-            self.problems.push(
-                Problem::error(
-                    "unknown-parameter",
-                    format!("{} has no parameter `{}`", self.owner, key.value),
-                    key.span,
-                    "unknown parameter",
-                )
-                .help(help),
-            );
+            self.problems.push(unknown_parameter(&self.owner, key, &self.known));
         }
     }
+}
+
+/// The mistake that `owner` has only the parameters `known`.
+pub(crate) fn unknown_parameter(owner: &str, key: &Spanned<String>, known: &[&str]) -> Problem {
+    let help = match nearest(&key.value, known.iter().copied()) {
+        Some(name) => format!("did you mean `{name}`?"),
+        None if known.is_empty() => "it takes no parameters".to_string(),
+        None => format!("its parameters are {}", known.join(", ")),
+    };
+    Problem::error(
+        "unknown-parameter",
+        format!("{owner} has no parameter `{}`", key.value),
+        key.span,
+        "unknown parameter",
+    )
+    .help(help)
 }

@@ -104,6 +104,13 @@ impl Limits {
         self
     }
 
+    /// Where nothing else is said, the ends of other limits.
+    pub fn or(mut self, other: Self) -> Self {
+        self.min = self.min.or(other.min);
+        self.max = self.max.or(other.max);
+        self
+    }
+
     /// In a unit.
     pub fn unit(mut self, unit: &'static str) -> Self {
         self.unit = Some(unit);

@@ -9,8 +9,8 @@ mod tree;
 
 pub use builtin::OrAuto;
 pub use choice::{Variant, tagged};
-pub(crate) use fields::yaml_trap;
 pub use fields::{Fields, Reader};
+pub(crate) use fields::{unknown_parameter, yaml_trap};
 pub use limits::{Bound, Limits};
 pub use problem::{Problem, Severity, Span, Spanned};
 pub use tree::{Tree, TreeKind};
@@ -116,6 +116,11 @@ impl ParamKind {
 pub trait Param: Clone + Sized {
     /// What it takes.
     fn kind() -> ParamKind;
+
+    /// The range that its type has by itself, whatever its definition says.
+    fn bounds() -> Limits {
+        Limits::none()
+    }
 
     /// Reads it, or tells `reader` why not.
     fn read(tree: &Tree, limits: &Limits, reader: &mut Reader<'_>) -> Option<Self>;

@@ -12,7 +12,9 @@ use self::order::order;
 pub(super) use self::order::readers;
 use self::wires::Checker;
 use super::file::{File, FileInput, FileNode};
+use super::overlay::Unset;
 use super::{Graph, GraphInput, GraphNode, GraphOutput, Wire, nearest};
+use crate::params::unknown_parameter;
 use crate::{Fields, NodeError, NodeSpec, Problem, Registry, Severity, Span, Spanned, Tree, TreeKind};
 
 /// What a name in the file stands for.
@@ -96,6 +98,20 @@ pub fn check(name: &str, file: &File<'_>, registry: &Registry, problems: &mut Ve
         .iter()
         .filter_map(|(name, source)| {
             let slot = wiring.resolve(source)?;
+            if matches!(inputs.get(slot as usize), Some(Some(input)) if input.optional) {
+                wiring.problems.push(
+                    Problem::error(
+                        "optional-output",
+                        format!(
+                            "the output `{}` must be there whenever it is asked for, but the input `{}` is optional",
+                            name.value, source.value
+                        ),
+                        source.span,
+                        "may be absent",
+                    )
+                    .help("make the input required, or put out something that is always there"),
+                );
+            }
             Some(GraphOutput {
                 name: name.value.clone(),
                 slot,
@@ -213,6 +229,58 @@ fn read_node(
         spec: Arc::clone(spec),
         node: read,
     })
+}
+
+/// Reports parameters that an overlay removes although nothing has such parameters.
+pub fn unset(unset: &[Unset], file: &File<'_>, registry: &Registry, problems: &mut Vec<Problem>) {
+    for Unset { site, param } in unset {
+        let node = file.nodes.iter().find(|node| node.id.value == *site);
+        let node_type = node.and_then(|node| registry.find_node(node.node.as_ref()?.value));
+        let input = file.inputs.iter().find(|input| input.name.value == *site);
+        let type_name = input.and_then(|input| input.type_name.as_ref());
+        let (what, known): (String, Vec<&str>) = match (node_type, type_name) {
+            (Some(node), _) => (
+                format!("node `{site}` ({})", node.spec.name),
+                node.spec.params.iter().map(|param| param.name).collect(),
+            ),
+            (None, Some(value_type)) if node.is_none() => (
+                format!("input `{site}` ({})", value_type.value),
+                match registry.find_loader(value_type.value) {
+                    Some(loader) => loader.spec.params.iter().map(|param| param.name).collect(),
+                    None => Vec::new(),
+                },
+            ),
+            _ => continue, // its type is unknown, which is reported, or a later overlay removed it
+        };
+        if !known.contains(&param.value.as_str()) {
+            problems.push(unknown_parameter(&what, param, &known));
+        }
+    }
+}
+
+/// Reports inputs that cannot be given as files.
+pub fn not_from_files(file: &File<'_>, registry: &Registry, problems: &mut Vec<Problem>) {
+    for input in &file.inputs {
+        let Some(type_name) = &input.type_name else { continue };
+        if registry.find_value(type_name.value).is_none() || registry.find_loader(type_name.value).is_some() {
+            continue;
+        }
+        let message = format!(
+            "the input `{}` can never be given: no loader reads files of type {}",
+            input.name.value, type_name.value
+        );
+        let readable: Vec<_> = registry.loaders().map(|loader| loader.spec.value_type.name).collect();
+        let label = "not read from files";
+        let problem = if input.optional {
+            Problem::warning("no-loader", message, type_name.span, label)
+        } else {
+            Problem::error("no-loader", message, type_name.span, label)
+        };
+        problems.push(problem.help(match readable.as_slice() {
+            [] => "compute it by a node".to_owned(),
+            types => format!("compute it by a node; files are read of type {}", types.join(", ")),
+        }));
+    }
 }
 
 /// Points at the parameter that `check` names, if it is written in the file.

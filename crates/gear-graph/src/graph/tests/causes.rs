@@ -32,9 +32,23 @@ fn every_cause_has_a_case_and_every_case_a_listed_cause() {
         found.extend(overlays::mistakes(files).problems().iter().map(|problem| problem.code));
     }
     found.extend(["bad-override", "unknown-override"]); // `overrides_get_the_same_messages`
+    found.extend(["no-loader"]); // `an_input_that_no_file_can_be_given_for`
     let listed: BTreeSet<_> = CAUSES.iter().map(|cause| cause.code).collect();
     assert_eq!(found, listed);
     assert_eq!(listed.len(), CAUSES.len(), "each once");
+}
+
+/// A program may give it as a value; who gives files only never can.
+#[test]
+fn an_input_that_no_file_can_be_given_for() {
+    let text = "gear: 1
+inputs: {r: Report, s: {type: Report, optional: true}, x: Number}
+nodes: {m: {node: Measure, in: {report: r}}}
+outputs: {y: m.length, x: x}
+";
+    let source = GraphSource::new("test.yaml", text);
+    assert!(source.check(&registry()).is_ok());
+    insta::assert_snapshot!(source.check_for_files(&registry()).unwrap_err());
 }
 
 #[test]
@@ -108,6 +122,10 @@ inputs: {x: {type: Number, optional: true}}
 nodes:
   a: {node: Floor, in: {x: x}}
 outputs: {y: a.whole}
+";
+    optional_output: "gear: 1
+inputs: {x: {type: Number, optional: true}, y: Number}
+outputs: {x: x, y: y}
 ";
     unused_is_a_warning: "gear: 1
 inputs: {x: Number, spare: Number}

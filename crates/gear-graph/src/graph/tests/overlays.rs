@@ -101,6 +101,46 @@ outputs: {whole: null, twice: choose.twice}
 }
 
 #[test]
+fn null_for_a_parameter_that_no_base_sets_is_its_default() {
+    let graph = over(
+        "gear: 1
+extends: '@base'
+inputs: {y: {with: {scale: null}}}
+nodes:
+  ranged: {with: {auto: null, flag: null}}
+  choose: {with: {when: {never: {}}}}
+  new: {node: Ranged, in: {x: x}, with: {share: null, low: 0.5}}
+  other: {node: Choose, in: {a: x, b: x}, with: {when: {above: {threshold: null}}}}
+outputs: {new: new.whole, other: other.chosen}
+",
+    )
+    .unwrap();
+    assert_eq!(params(&graph, "ranged")["share"], json!(0.25), "the others stay");
+    assert_eq!(params(&graph, "ranged")["auto"], json!("auto"));
+    let new = params(&graph, "new");
+    assert_eq!((&new["share"], &new["low"]), (&json!(0.5), &json!(0.5)));
+    assert_eq!(params(&graph, "other")["when"], json!({"above": {"threshold": 10.0}}));
+    assert_eq!(graph.inputs()[1].params()["scale"], json!(1.0));
+    // In a graph that extends nothing, there is nothing to remove.
+    let alone =
+        "gear: 1\ninputs: {x: Number}\nnodes: {a: {node: Add, in: {of: x}, with: {plus: null}}}\noutputs: {y: a.sum}\n";
+    assert_eq!(super::mistakes(alone).problems()[0].code, "wrong-parameter-type");
+}
+
+#[test]
+fn null_for_a_parameter_that_nothing_has_is_a_mistake() {
+    let text = "gear: 1
+extends: '@base'
+inputs: {y: {with: {scal: null}}}
+nodes:
+  ranged: {with: {shar: null}}
+  new: {node: Add, in: {of: x}, with: {pluss: null}}
+outputs: {new: new.sum}
+";
+    insta::assert_snapshot!(over(text).unwrap_err());
+}
+
+#[test]
 fn the_same_method_is_merged_and_another_one_replaces_it() {
     let when = |text| params(&over(text).unwrap(), "choose")["when"].clone();
     assert_eq!(

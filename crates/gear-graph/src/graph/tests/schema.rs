@@ -92,7 +92,8 @@ nodes:
   sized: {node: Sized, in: {x: x}, with: {size: 4, box: null}}
   boxed: {node: Sized, in: {x: x}, with: {size: 4, box: [0, 0, 1, 1]}}
   ranged: {node: Ranged, in: {x: x}, with: {share: 0.5, auto: auto, list: [-90, 90]}}
-outputs: {s: add.sum, o: one.sum, c: choose.chosen, n: never.chosen, z: sized.whole, b: boxed.whole, w: ranged.whole, r: r}
+  measured: {node: Measure, in: {report: r}, with: {plus: 2}}
+outputs: {s: add.sum, o: one.sum, c: choose.chosen, n: never.chosen, z: sized.whole, b: boxed.whole, w: ranged.whole, r: r, m: measured.length}
 ";
     assert_eq!(mistakes(good).problems(), []);
     assert_eq!(judge.objects(&json(good).unwrap()), None);
@@ -115,6 +116,9 @@ outputs: {s: add.sum, o: one.sum, c: choose.chosen, n: never.chosen, z: sized.wh
         ("wrong-parameter-type", "scale: 2", "scale: {}"),
         ("parameter-out-of-range", "share: 0.5", "share: 1.5"),
         ("parameter-out-of-range", "[-90, 90]", "[-90, 91]"),
+        // Without a range of its own, an unsigned number has that of its type.
+        ("parameter-out-of-range", "plus: 2", "plus: -1"),
+        ("parameter-out-of-range", "plus: 2", "plus: 4294967296"),
         ("parameter-out-of-range", "size: 4, box: null", "size: 0"),
         ("parameter-out-of-range", "auto: auto", "auto: 1"),
         ("missing-input", "{a: x, b: x}", "{a: x}"),
