@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::contents::Contents;
+use super::contents::{Contents, new_file};
 use super::record::{Content, Record};
 use super::{Store, log};
 use crate::{Digest, Run, RunMistake};
@@ -45,6 +45,9 @@ pub struct Archived {
     pub bytes: u64,
     /// Of an import: records and contents that the store did not have.
     pub new: usize,
+    /// Of an export: values and artefacts whose bytes are not in the store any more, collected or damaged. Their
+    /// digests travel, they do not.
+    pub lost: usize,
 }
 
 /// Why an archive was not written or not taken.
@@ -132,12 +135,19 @@ impl Store {
         let mut contents = BTreeSet::new();
         let mut actions = Vec::new();
         let mut keys = BTreeSet::new();
+        let mut lost = 0;
         for mut record in records {
             // A content that is gone or damaged does not travel; what its record says of the digest is good.
             let sound = |content: &Content| matches!(self.contents.look_at(content), Ok(Some(_)));
             match &mut record {
-                Record::Done(done) if !done.content.as_ref().is_none_or(sound) => done.content = None,
-                Record::Blob { content, .. } if !sound(content) => continue,
+                Record::Done(done) if !done.content.as_ref().is_some_and(sound) => {
+                    done.content = None;
+                    lost += 1;
+                }
+                Record::Blob { content, .. } if !sound(content) => {
+                    lost += 1;
+                    continue;
+                }
                 _ => {}
             }
             if let Some(Content::File {
@@ -162,11 +172,7 @@ impl Store {
             .parent()
             .filter(|p| !p.as_os_str().is_empty())
             .unwrap_or(Path::new("."));
-        let mut place = tempfile::Builder::new();
-        place.prefix(".gear-export-");
-        #[cfg(unix)]
-        place.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = place.tempfile_in(folder).map_err(io)?;
+        let file = new_file(".gear-export-", folder).map_err(io)?;
         let mut archive = tar::Builder::new(BufWriter::new(file));
         let mut add = |name: &Path, bytes: &[u8]| {
             let mut header = tar::Header::new_gnu();
@@ -197,7 +203,13 @@ impl Store {
             contents: contents.len(),
             bytes,
             new: 0,
+            lost,
         })
+    }
+
+    /// Reads an archive and verifies all of it; nothing is written.
+    pub fn check_archive(from: &Path) -> Result<Archived, ArchiveError> {
+        Ok(Staged::read(from, None)?.archived())
     }
 
     /// Adds what an archive holds. All of it is verified before any of it is kept.
@@ -213,14 +225,9 @@ impl Store {
             .prefix("import-")
             .tempdir_in(self.root.join("tmp"))
             .map_err(|error| cannot_write(Some(error.to_string())))?;
-        let staged = Staged::read(from, stage.path())?;
-        let mut archived = Archived {
-            records: staged.records.len(),
-            contents: staged.contents.len(),
-            ..Archived::default()
-        };
+        let staged = Staged::read(from, Some(stage.path()))?;
+        let mut archived = staged.archived();
         for (path, (at, bytes)) in &staged.contents {
-            archived.bytes += bytes;
             let to = self.root.join(path);
             if fs::metadata(&to).is_ok_and(|meta| meta.len() == *bytes) {
                 continue;
@@ -286,7 +293,17 @@ struct Staged {
 }
 
 impl Staged {
-    fn read(from: &Path, stage: &Path) -> Result<Self, ArchiveError> {
+    fn archived(&self) -> Archived {
+        Archived {
+            records: self.records.len(),
+            contents: self.contents.len(),
+            bytes: self.contents.values().map(|(_, bytes)| bytes).sum(),
+            ..Archived::default()
+        }
+    }
+
+    /// Reads and verifies an archive; its contents go to files in `stage`, or nowhere.
+    fn read(from: &Path, stage: Option<&Path>) -> Result<Self, ArchiveError> {
         let path = || from.to_path_buf();
         let io = |cause: io::Error| ArchiveError::Io { path: path(), cause };
         let foreign = |found: &str| ArchiveError::Foreign {
@@ -353,12 +370,15 @@ impl Staged {
                     name.display()
                 )));
             };
-            let at = stage.join(staged.contents.len().to_string());
-            let mut out = File::create(&at).map_err(|cause| ArchiveError::Io {
-                path: at.clone(),
-                cause,
-            })?;
-            let (digest, bytes) = copy(&mut entry, &mut out).map_err(|error| damaged(error.to_string()))?;
+            let at = stage.map_or(PathBuf::new(), |stage| stage.join(staged.contents.len().to_string()));
+            let mut out: Box<dyn Write> = match stage {
+                None => Box::new(io::sink()),
+                Some(_) => Box::new(File::create(&at).map_err(|cause| ArchiveError::Io {
+                    path: at.clone(),
+                    cause,
+                })?),
+            };
+            let (digest, bytes) = copy(&mut entry, out.as_mut()).map_err(|error| damaged(error.to_string()))?;
             if digest != promised {
                 return Err(damaged(format!(
                     "{} does not have the checksum that is its name",
@@ -379,7 +399,7 @@ impl Staged {
 }
 
 /// Copies, and takes the checksum on the way.
-fn copy(from: &mut impl Read, to: &mut impl Write) -> io::Result<(Digest, u64)> {
+fn copy(from: &mut impl Read, to: &mut dyn Write) -> io::Result<(Digest, u64)> {
     let mut hasher = blake3::Hasher::new();
     let mut piece = vec![0; 1 << 18];
     let mut total = 0;

@@ -5,11 +5,24 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use super::log;
 use super::record::Content;
 use crate::Digest;
 
 pub struct Contents {
     root: PathBuf,
+    /// Whether reading a content counts as a use of it.
+    marks_use: bool,
+}
+
+/// A file that gets its name when it is complete. Whoever may read the folder may read it then: the umask decides, as
+/// for any other file, and a store serves all users whom its folder is open to.
+pub fn new_file(prefix: &str, folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix);
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
 }
 
 /// Backup programs leave out folders with a file that begins so (bford.info/cachedir).
@@ -33,20 +46,21 @@ pub fn prepare(root: &Path) -> io::Result<()> {
             }
         }
         fs::create_dir_all(root)?;
-        let mut tag = tempfile::Builder::new().prefix(".tag-").tempfile_in(root)?;
+        let mut tag = new_file(".tag-", root)?;
         tag.write_all(TAG.as_bytes())?;
         tag.persist(root.join("CACHEDIR.TAG")).map_err(|error| error.error)?;
     }
     fs::create_dir_all(root.join("contents"))?;
     fs::create_dir_all(root.join("tmp"))?;
     tempfile::tempfile_in(root.join("tmp"))?;
-    super::log::lock_file(root).map(drop)
+    log::lock_file(root).map(drop)
 }
 
 impl Contents {
-    pub fn new(root: &Path) -> Self {
+    pub fn new(root: &Path, marks_use: bool) -> Self {
         Self {
             root: root.to_path_buf(),
+            marks_use,
         }
     }
 
@@ -96,9 +110,7 @@ impl Contents {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder)?;
         }
-        let mut file = tempfile::Builder::new()
-            .prefix("content-")
-            .tempfile_in(self.root.join("tmp"))?;
+        let mut file = new_file("content-", &self.root.join("tmp"))?;
         file.write_all(bytes)?;
         // Not synced: after a loss of power the checksum tells what did not reach the disk.
         file.persist(&path).map_err(|error| error.error)?;
@@ -115,6 +127,7 @@ impl Contents {
                 checksum, extension, ..
             },
         ) = (&read, content)
+            && self.marks_use
             && let Ok(file) = File::open(self.path(checksum, extension))
         {
             let _ = file.set_modified(SystemTime::now());
@@ -138,17 +151,22 @@ impl Contents {
         }
     }
 
-    /// Removes a content, if possible; its path.
-    pub fn remove(&self, content: &Content) -> PathBuf {
+    /// Where a content is.
+    pub fn place(&self, content: &Content) -> PathBuf {
         match content {
-            Content::Inline(_) => self.root.clone(),
+            Content::Inline(_) => log::path(&self.root),
             Content::File {
                 checksum, extension, ..
-            } => {
-                let path = self.path(checksum, extension);
-                let _ = fs::remove_file(&path);
-                path
-            }
+            } => self.path(checksum, extension),
         }
+    }
+
+    /// Removes a content that is a file, if possible; its path.
+    pub fn remove(&self, content: &Content) -> PathBuf {
+        let path = self.place(content);
+        if let Content::File { .. } = content {
+            let _ = fs::remove_file(&path);
+        }
+        path
     }
 }

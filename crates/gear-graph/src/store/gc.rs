@@ -4,12 +4,12 @@ use std::collections::HashMap;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
-use super::contents::Contents;
+use super::contents::{Contents, new_file};
 use super::origin::Origin;
 use super::record::{Content, Record};
-use super::{Store, log};
+use super::{A_MOMENT, Store, log, patiently};
 use crate::Digest;
 
 /// What a collection removed.
@@ -41,7 +41,8 @@ struct Kept {
 
 impl Store {
     /// What a run does at its end: collects garbage if the store has grown beyond its limit, as far as this process
-    /// knows, and mends a damaged log, so that its damage is told of once and not by every run.
+    /// knows, and mends a damaged log, so that its damage is told of once and not by every run. Where another process
+    /// is at the store for longer than a moment, a later run does it.
     pub fn tidy(&self) -> io::Result<Option<Collected>> {
         let inner = self.inner();
         if inner.read_only {
@@ -50,21 +51,25 @@ impl Store {
         let full = inner.bytes > self.limit || inner.log.len() > LOG_LIMIT || inner.origins > ORIGINS_LIMIT;
         let damaged = inner.log.damaged > 0;
         drop(inner);
+        if !full && !damaged {
+            return Ok(None);
+        }
+        let until = Instant::now() + A_MOMENT;
+        let folder = patiently(|| log::try_lock_exclusive(&self.root), &|| Instant::now() > until)?;
+        let Some(_folder) = folder else {
+            return Ok(None);
+        };
         if full {
-            let collected = self.gc(self.limit)?;
+            let collected = self.collect(self.limit)?;
             self.inner().bytes = collected.left;
             return Ok(Some(collected));
         }
-        if damaged {
-            self.mend()?;
-        }
+        self.mend()?;
         Ok(None)
     }
 
-    /// Writes the logs anew without what is damaged in them.
+    /// Writes the logs anew without what is damaged in them, for one who holds the folder's lock alone.
     pub(super) fn mend(&self) -> io::Result<()> {
-        self.flush();
-        let _folder = log::lock_exclusive(&self.root)?;
         let records = log::Log::read(&self.root, &mut Vec::new()).records();
         self.rewrite(records, u64::MAX)?;
         self.rewrite_origins(u64::MAX)?;
@@ -78,6 +83,11 @@ impl Store {
     pub fn gc(&self, limit: u64) -> io::Result<Collected> {
         self.flush();
         let _folder = log::lock_exclusive(&self.root)?;
+        self.collect(limit)
+    }
+
+    /// The same, for one who holds the folder's lock alone.
+    fn collect(&self, limit: u64) -> io::Result<Collected> {
         let records = log::Log::read(&self.root, &mut Vec::new()).records();
         let seconds = seconds_of(&records);
         let now = SystemTime::now();
@@ -163,9 +173,7 @@ impl Store {
                 _ => Ok(0),
             };
         }
-        let mut file = tempfile::Builder::new()
-            .prefix("log-")
-            .tempfile_in(self.root.join("tmp"))?;
+        let mut file = new_file("log-", &self.root.join("tmp"))?;
         file.write_all(bytes)?;
         file.persist(path).map_err(|error| error.error)?;
         Ok(bytes.len() as u64)

@@ -1,7 +1,7 @@
 //! The log of actions: read once, then appended to.
 
 use std::collections::HashMap;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::hash::{BuildHasherDefault, Hasher};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -74,7 +74,7 @@ impl Log {
             Ok(bytes) if bytes.is_empty() => {
                 // Somebody may be writing its first bytes; whoever appends holds the lock. Who collects holds it too, and
                 // reads the log himself: so this must not wait for long.
-                let lock = lock_file(root);
+                let lock = File::open(lock_path(root)); // not made here: who only looks makes nothing
                 for _ in 0..20 {
                     if lock.as_ref().map_or(true, |lock| lock.try_lock().is_ok()) {
                         break;
@@ -254,22 +254,40 @@ pub fn origins_of(bytes: &[u8]) -> (Vec<Origin>, usize) {
     (origins, damaged)
 }
 
+fn lock_path(root: &Path) -> PathBuf {
+    root.join("lock")
+}
+
 pub fn lock_file(root: &Path) -> io::Result<File> {
-    OpenOptions::new().create(true).append(true).open(root.join("lock"))
+    OpenOptions::new().create(true).append(true).open(lock_path(root))
 }
 
-/// The folder's lock, as those who append hold it. Must not be waited for while a store's own state is locked.
-pub fn lock_shared(root: &Path) -> io::Result<File> {
+/// The folder's lock, as those who append hold it; `None` while somebody holds it who writes the logs anew.
+pub fn try_lock_shared(root: &Path) -> io::Result<Option<File>> {
     let lock = lock_file(root)?;
-    lock.lock_shared()?;
-    Ok(lock)
+    held(lock.try_lock_shared(), lock)
 }
 
-/// The same, as those hold it who write the log anew or must see it at rest.
+/// The same, as those hold it who write the logs anew; `None` while anybody else holds it.
+pub fn try_lock_exclusive(root: &Path) -> io::Result<Option<File>> {
+    let lock = lock_file(root)?;
+    held(lock.try_lock(), lock)
+}
+
+/// The folder's lock for who writes the logs anew or must see them at rest. Must not be waited for while a store's own
+/// state is locked.
 pub fn lock_exclusive(root: &Path) -> io::Result<File> {
     let lock = lock_file(root)?;
     lock.lock()?;
     Ok(lock)
+}
+
+fn held(locked: Result<(), TryLockError>, lock: File) -> io::Result<Option<File>> {
+    match locked {
+        Ok(()) => Ok(Some(lock)),
+        Err(TryLockError::WouldBlock) => Ok(None),
+        Err(TryLockError::Error(error)) => Err(error),
+    }
 }
 
 /// The content that a record mentions.

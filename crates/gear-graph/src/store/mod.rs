@@ -26,7 +26,8 @@
 //!    value must have the digest that the record promised. What does not is a miss and a warning, never a result.
 //! 4. A missing content is a miss only for who needs the value. Its digest is still good: keys are made of digests.
 //! 5. The folder's lock is taken before the lock of a store's own state, never while that is held: otherwise a thread
-//!    that appends and one that mends the log would wait for each other.
+//!    that appends and one that mends the log would wait for each other. A run at work does not wait for it at all
+//!    ([`Store::try_flush`]): another process may collect garbage for minutes.
 //! 6. No error of the disk is an error of the run. The store then stops writing, says so once, and the run goes on.
 //!
 //! # At a crash
@@ -49,8 +50,10 @@ mod record;
 mod stat;
 mod verify;
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 pub use archive::{ArchiveError, Archived};
 pub use gc::Collected;
@@ -75,6 +78,8 @@ pub struct Store {
     root: PathBuf,
     limit: u64,
     contents: Contents,
+    /// Opened to look at it only.
+    looks: bool,
     inner: Mutex<Inner>,
 }
 
@@ -94,10 +99,19 @@ struct Inner {
 impl Store {
     /// Opens the store in a folder, which is made if it is not there.
     pub fn open(root: impl Into<PathBuf>) -> Self {
-        let root = root.into();
+        Self::opened(root.into(), false)
+    }
+
+    /// Opens the store in a folder to look at it: nothing there is made, written, removed or marked as used. Where
+    /// there is no store, it is an empty one.
+    pub fn look_at(root: impl Into<PathBuf>) -> Self {
+        Self::opened(root.into(), true)
+    }
+
+    fn opened(root: PathBuf, looks: bool) -> Self {
         let mut warnings = Vec::new();
-        let mut read_only = false;
-        if let Err(error) = contents::prepare(&root) {
+        let mut read_only = looks;
+        if !looks && let Err(error) = contents::prepare(&root) {
             read_only = true;
             warnings.push(format!(
                 "the store {} cannot be written ({error}); results of this run are not kept",
@@ -108,7 +122,8 @@ impl Store {
         let origins = std::fs::metadata(log::origins_path(&root)).map_or(0, |meta| meta.len());
         let bytes = log.bytes() + origins;
         Self {
-            contents: Contents::new(&root),
+            contents: Contents::new(&root, !looks),
+            looks,
             root,
             limit: DEFAULT_STORE_LIMIT,
             inner: Mutex::new(Inner {
@@ -292,16 +307,33 @@ impl Store {
         }
     }
 
-    /// Records are appended in batches; this writes what has gathered.
+    /// Records are appended in batches; this writes what has gathered. Waits while another process writes the logs
+    /// anew, which takes as long as it takes to collect garbage.
     pub fn flush(&self) {
+        self.flush_unless(&|| false);
+    }
+
+    /// The same, but no longer waits once `stop` says so; whether everything is written.
+    pub fn flush_unless(&self, stop: &dyn Fn() -> bool) -> bool {
+        // An error has stopped the writing: then nothing is left to write.
+        let written = patiently(|| Ok(self.try_flush().then_some(())), stop);
+        written.is_ok_and(|written| written.is_some())
+    }
+
+    /// The same without waiting: what cannot be written now is written by a later call. Whether nothing is left.
+    pub(crate) fn try_flush(&self) -> bool {
         let waits = |inner: &Inner| !inner.read_only && inner.log.pending_bytes() > 0;
         if !waits(&self.inner()) {
-            return;
+            return true;
         }
-        let folder = log::lock_shared(&self.root);
+        let folder = match log::try_lock_shared(&self.root) {
+            Ok(None) => return false,
+            Ok(Some(folder)) => Ok(folder),
+            Err(error) => Err(error),
+        };
         let mut inner = self.inner();
         if !waits(&inner) {
-            return;
+            return true;
         }
         match folder.and_then(|_folder| inner.log.append(&self.root)) {
             Ok(written) => inner.bytes += written,
@@ -310,6 +342,7 @@ impl Store {
                 self.stop_writing(&error);
             }
         }
+        true
     }
 
     /// Bytes of records that wait to be written.
@@ -324,7 +357,15 @@ impl Store {
                 key: blob_key(key),
                 content,
             });
-            self.flush();
+            self.try_flush();
+        }
+    }
+
+    /// Whether bytes are kept under a key, as far as records and the folder say; they are verified when they are read.
+    pub fn has_blob(&self, key: &Digest) -> bool {
+        match self.lookup(&blob_key(key)) {
+            Some(Record::Blob { content, .. }) => self.contents.exists(&content),
+            _ => false,
         }
     }
 
@@ -349,7 +390,10 @@ impl Store {
     /// Warns of a content that is not what its name says, and removes it, so that it can be written again.
     fn distrust(&self, content: &Content, problem: &str) {
         if let Content::File { .. } = content {
-            let path = self.contents.remove(content);
+            let path = match self.looks {
+                true => self.contents.place(content),
+                false => self.contents.remove(content),
+            };
             self.inner().warnings.push(format!(
                 "the store's {} {problem}; it is computed again",
                 path.display()
@@ -357,7 +401,7 @@ impl Store {
         }
     }
 
-    fn stop_writing(&self, error: &std::io::Error) {
+    fn stop_writing(&self, error: &io::Error) {
         let mut inner = self.inner();
         if !inner.read_only {
             inner.read_only = true;
@@ -372,7 +416,23 @@ impl Store {
 
 impl Drop for Store {
     fn drop(&mut self) {
-        self.flush();
+        // Whoever must not lose a record has flushed before; a process must not hang when it ends.
+        let until = Instant::now() + A_MOMENT;
+        self.flush_unless(&|| Instant::now() > until);
+    }
+}
+
+/// As long as nobody minds to wait.
+const A_MOMENT: Duration = Duration::from_millis(300);
+
+/// Tries again and again, until it succeeds, fails, or `stop` says so.
+fn patiently<T>(attempt: impl Fn() -> io::Result<Option<T>>, stop: &dyn Fn() -> bool) -> io::Result<Option<T>> {
+    loop {
+        match attempt()? {
+            None if stop() => return Ok(None),
+            None => std::thread::sleep(Duration::from_millis(10)),
+            done => return Ok(done),
+        }
     }
 }
 

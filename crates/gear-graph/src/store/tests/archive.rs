@@ -54,6 +54,33 @@ fn everything_arrives() {
 }
 
 #[test]
+fn what_does_not_travel_is_counted() {
+    let (dir, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    filled(dir.path());
+    let store = Store::open(dir.path());
+    assert_eq!(store.export(&to.path().join("whole.tar")).unwrap().lost, 0);
+    std::fs::remove_dir_all(dir.path().join("contents")).unwrap();
+    let exported = store.export(&to.path().join("rest.tar")).unwrap();
+    // The large value and the blob; the small one stands in its record.
+    assert_eq!((exported.lost, exported.contents), (2, 0));
+}
+
+#[test]
+fn an_archive_is_verified_without_a_store() {
+    let (dir, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    filled(dir.path());
+    let archive = to.path().join("store.tar");
+    let exported = Store::open(dir.path()).export(&archive).unwrap();
+    assert_eq!(Store::check_archive(&archive).unwrap(), exported);
+    let mut bytes = std::fs::read(&archive).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&archive, bytes).unwrap();
+    assert!(Store::check_archive(&archive).is_err());
+    assert_eq!(std::fs::read_dir(to.path()).unwrap().count(), 1, "nothing was written");
+}
+
+#[test]
 fn an_import_brings_back_contents_that_were_collected() {
     let (dir, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let keys = filled(dir.path());

@@ -82,6 +82,7 @@ fn mending_and_appending_at_once_do_not_wait_for_each_other() {
         std::thread::spawn(move || {
             for i in 0..200 {
                 if mends {
+                    let _folder = log::lock_exclusive(store.path()).unwrap();
                     store.mend().unwrap();
                 } else {
                     store.put_blob(&Digest::of(format!("blob {i}").as_bytes()), b"picture");
@@ -91,12 +92,84 @@ fn mending_and_appending_at_once_do_not_wait_for_each_other() {
         });
     }
     for _ in 0..2 {
-        end.recv_timeout(std::time::Duration::from_secs(60))
+        end.recv_timeout(Duration::from_secs(60))
             .expect("both threads come to their end");
     }
+    store.flush();
     let again = Store::open(dir.path());
     let kept = (0..200).all(|i| again.get_blob(&Digest::of(format!("blob {i}").as_bytes())).is_some());
     assert!(kept && again.warnings().is_empty());
+}
+
+/// Another process collects garbage: a run at work goes on, and writes its records later.
+#[test]
+fn a_folder_that_is_locked_makes_nobody_wait_who_does_not_want_to() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path());
+    let elsewhere = log::lock_exclusive(dir.path()).unwrap();
+    let key = Digest::of(b"key");
+    store.publish(Record::Done(Done { key, ..Done::default() }));
+    assert!(!store.try_flush());
+    assert!(!store.flush_unless(&|| true));
+    assert!(store.pending_bytes() > 0, "nothing is lost");
+    assert!(Store::open(dir.path()).lookup(&key).is_none());
+    drop(elsewhere);
+    assert!(store.flush_unless(&|| false) && store.try_flush());
+    assert!(Store::open(dir.path()).lookup(&key).is_some());
+    assert!(store.warnings().is_empty());
+}
+
+#[test]
+fn who_only_looks_leaves_no_trace() {
+    let dir = tempfile::tempdir().unwrap();
+    let root = dir.path().join("store");
+    let empty = Store::look_at(&root);
+    assert!(empty.lookup(&Digest::of(b"key")).is_none() && empty.keep(&big("a")).is_none());
+    assert!(empty.warnings().is_empty() && !root.exists());
+    let key = put(&Store::open(&root), "key", &big("a"), 0.1);
+    // Not even that a content was used, or that it is damaged, is written down.
+    let path = content_files(&Store::look_at(&root)).remove(0);
+    let old = std::time::SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
+    std::fs::File::open(&path).unwrap().set_modified(old).unwrap();
+    assert!(value_at(&Store::look_at(&root), &key).is_some());
+    assert_eq!(std::fs::metadata(&path).unwrap().modified().unwrap(), old);
+    std::fs::write(&path, "damaged").unwrap();
+    let looking = Store::look_at(&root);
+    looking.put_blob(&Digest::of(b"blob"), b"bytes");
+    assert!(value_at(&looking, &key).is_none() && path.exists());
+    drop(looking);
+    assert!(!Store::open(&root).has_blob(&Digest::of(b"blob")));
+}
+
+/// A store in a shared folder serves everybody who may read the folder.
+#[cfg(unix)]
+#[test]
+fn files_of_a_store_are_as_readable_as_any_other() {
+    use std::os::unix::fs::PermissionsExt;
+    let dir = tempfile::tempdir().unwrap();
+    let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode();
+    std::fs::write(dir.path().join("plain"), "").unwrap();
+    let plain = mode(&dir.path().join("plain"));
+    let root = dir.path().join("store");
+    let store = Store::open(&root);
+    put(&store, "key", &big("a"), 0.1);
+    store.gc(u64::MAX).unwrap(); // writes the log anew
+    let content = content_files(&store).remove(0);
+    for path in [root.join("CACHEDIR.TAG"), log::path(&root), root.join("lock"), content] {
+        assert_eq!(mode(&path), plain, "{}", path.display());
+    }
+}
+
+#[test]
+fn a_blob_that_was_collected_is_not_there() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path());
+    let key = Digest::of(b"picture");
+    assert!(!store.has_blob(&key));
+    store.put_blob(&key, &[7; 2 * INLINE]);
+    assert!(store.has_blob(&key));
+    store.gc(0).unwrap();
+    assert!(!store.has_blob(&key));
 }
 
 #[test]
@@ -283,7 +356,7 @@ fn what_the_store_did_not_put_there_is_never_removed() {
     put(&store, "key", &big("a"), 0.1);
     let mine = content_files(&store)[0].with_file_name("mine.txt");
     std::fs::write(&mine, "mine").unwrap();
-    let old = std::time::SystemTime::now() - std::time::Duration::from_secs(1_000_000);
+    let old = std::time::SystemTime::now() - Duration::from_secs(1_000_000);
     std::fs::File::open(&mine).unwrap().set_modified(old).unwrap();
     store.gc(0).unwrap();
     store.clear().unwrap();
@@ -357,7 +430,7 @@ fn of_contents_of_equal_worth_those_that_rest_longest_go_first() {
     let store = Store::open(dir.path());
     let keys = [put(&store, "a", &big("a"), 1.0), put(&store, "b", &big("b"), 1.0)];
     // The clock of the first is set back a month, then it is read: it counts as used now. The second rests.
-    let month = std::time::SystemTime::now() - std::time::Duration::from_secs(30 * 86_400);
+    let month = std::time::SystemTime::now() - Duration::from_secs(30 * 86_400);
     for file in content_files(&store) {
         std::fs::File::open(file).unwrap().set_modified(month).unwrap();
     }
