@@ -29,9 +29,9 @@ pub use params::{
 };
 pub use registry::{LoaderSpec, LoaderType, NodeSpec, NodeType, Registry};
 pub use run::{
-    Difference, EarlierRun, ElidedPort, Event, Failure, FailureKind, Input, InputSummary, MemoryReport, NodeReport,
-    NodeStatus, Observer, Outcome, OutputReport, Part, Plan, PlannedNode, PlannedState, PortReport, Run, RunMistake,
-    RunReport, RunStatus, StoreReport, Why, WhyAhead, peak_memory,
+    Cancel, Difference, EarlierRun, ElidedPort, Event, Failure, FailureKind, Input, InputSummary, MemoryReport,
+    NodeReport, NodeStatus, Observer, Outcome, OutputReport, Part, Plan, PlannedNode, PlannedState, PortReport, Run,
+    RunMistake, RunReport, RunStatus, StoreReport, Threads, Why, WhyAhead, peak_memory,
 };
 pub use store::{ArchiveError, Archived, Collected, DEFAULT_STORE_LIMIT, Store, StoreStat, TypeStat, Verified};
 pub use value::{Summary, Value, ValueError};

@@ -15,6 +15,7 @@ pub struct Progress {
 }
 
 type Listener = dyn Fn(Progress) + Send + Sync;
+type Pulse = dyn Fn() + Send + Sync;
 
 /// What a running node may use besides its inputs: progress, interruption, notes. Cheap to clone and to share with
 /// other threads. `tracing` events of a node land in the span of its run.
@@ -25,6 +26,8 @@ pub struct Context {
     notes: Arc<Mutex<Vec<String>>>,
     seed: u64,
     resources: Resources,
+    /// Called whenever the node shows that it is alive.
+    pulse: Option<Arc<Pulse>>,
 }
 
 impl Context {
@@ -41,12 +44,21 @@ impl Context {
             notes: Arc::default(),
             seed,
             resources: Resources::default(),
+            pulse: None,
         }
     }
 
     /// The same context with what a run lends.
     pub fn with_resources(self, resources: Resources) -> Self {
         Self { resources, ..self }
+    }
+
+    /// The same context with something to do now and then on the node's own threads: it must be quick.
+    pub(crate) fn with_pulse(self, pulse: Arc<Pulse>) -> Self {
+        Self {
+            pulse: Some(pulse),
+            ..self
+        }
     }
 
     /// What the run lends.
@@ -61,6 +73,7 @@ impl Context {
 
     /// Reports progress with a short remark, such as the loss.
     pub fn progress_with(&self, fraction: f64, message: impl Into<String>) {
+        self.beat();
         if let Some(listener) = &self.listener {
             listener(Progress {
                 fraction: fraction.clamp(0.0, 1.0),
@@ -72,10 +85,17 @@ impl Context {
     /// Returns [`NodeError::Cancelled`] once the run is interrupted. A node that takes long asks at least every
     /// half second, and hands the error on.
     pub fn checkpoint(&self) -> Result<(), NodeError> {
+        self.beat();
         if self.is_cancelled() {
             Err(NodeError::Cancelled)
         } else {
             Ok(())
+        }
+    }
+
+    fn beat(&self) {
+        if let Some(pulse) = &self.pulse {
+            pulse();
         }
     }
 

@@ -93,6 +93,12 @@ pub enum RunMistake {
         /// What was found.
         problem: String,
     },
+    /// The system starts not even one thread.
+    #[error("no thread can be started ({cause}); allow more processes (`ulimit -u`) or more memory (`ulimit -v`)")]
+    NoThread {
+        /// What the system said.
+        cause: String,
+    },
     /// The run was interrupted while its inputs were read.
     #[error("interrupted while the inputs were read; nothing was computed")]
     Interrupted,
@@ -237,8 +243,8 @@ pub(super) fn resolve(run: &Run<'_>) -> Result<Vec<Given>, Vec<RunMistake>> {
                 });
                 continue;
             }
-            Some(Input::File(path)) => match hash_file(path, &run.cancel) {
-                Err(_) if run.cancel.load(Ordering::Relaxed) => return Err(vec![RunMistake::Interrupted]),
+            Some(Input::File(path)) => match hash_file(path, run.cancel.flag()) {
+                Err(_) if run.cancel.is_raised() => return Err(vec![RunMistake::Interrupted]),
                 Ok((digest, stamp)) => {
                     given.push(Given::Source {
                         source: Source::File {

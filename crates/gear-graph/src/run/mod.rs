@@ -10,6 +10,7 @@
 //! assert_eq!(outcome.value("note").unwrap().get::<Report>().unwrap().0["x"], 1);
 //! ```
 
+mod cancel;
 mod inputs;
 mod jobs;
 mod keys;
@@ -20,14 +21,15 @@ mod outcome;
 mod plan;
 mod report;
 mod scheduler;
+mod threads;
 mod why;
 
 use std::any::Any;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+pub use cancel::Cancel;
 pub use inputs::{Input, RunMistake};
 pub use memory::peak_memory;
 pub use observe::{Event, Observer};
@@ -38,9 +40,10 @@ pub use report::{
     RunReport, RunStatus, StoreReport,
 };
 
+pub use threads::Threads;
 pub use why::{Difference, EarlierRun, Part, Why, WhyAhead};
 
-use crate::{AnyValue, Graph, Resources, Store, Value};
+use crate::{AnyValue, Digest, Graph, Resources, Store, Value};
 
 /// A run that is being set up. Nothing happens before [`Run::go`] or [`Run::plan`].
 #[derive(Clone)]
@@ -48,7 +51,7 @@ pub struct Run<'g> {
     pub(crate) graph: &'g Graph,
     pub(crate) inputs: BTreeMap<String, Input>,
     pub(crate) outputs: Option<Vec<String>>,
-    pub(crate) values: bool,
+    pub(crate) values: Values,
     pub(crate) store: Option<Arc<Store>>,
     pub(crate) jobs: usize,
     pub(crate) fresh: BTreeSet<String>,
@@ -56,7 +59,7 @@ pub struct Run<'g> {
     pub(crate) fail_fast: bool,
     pub(crate) memory: Option<u64>,
     pub(crate) cache_nondeterministic: bool,
-    pub(crate) cancel: Arc<AtomicBool>,
+    pub(crate) cancel: Cancel,
     pub(crate) observer: Option<Arc<dyn Observer>>,
     pub(crate) resources: Resources,
 }
@@ -68,7 +71,7 @@ impl<'g> Run<'g> {
             graph,
             inputs: BTreeMap::new(),
             outputs: None,
-            values: false,
+            values: Values::Digests,
             store: None,
             jobs: std::thread::available_parallelism().map_or(1, usize::from),
             fresh: BTreeSet::new(),
@@ -76,7 +79,7 @@ impl<'g> Run<'g> {
             fail_fast: false,
             memory: None,
             cache_nondeterministic: false,
-            cancel: Arc::default(),
+            cancel: Cancel::new(),
             observer: None,
             resources: Resources::default(),
         }
@@ -102,7 +105,15 @@ impl<'g> Run<'g> {
     /// Makes sure that the outputs' values can be had afterwards, not only their digests: what the store knows but
     /// does not hold any more is computed again. [`Outcome::value`] does this when it has to.
     pub fn with_values(mut self) -> Self {
-        self.values = true;
+        self.values = Values::All;
+        self
+    }
+
+    /// The same, for the outputs of which `wants` says so: it is given their names and digests, must answer quickly,
+    /// and equal questions must get equal answers while the run goes on. For who keeps what is made of values, and
+    /// needs a value only where that is missing.
+    pub fn with_values_where(mut self, wants: impl Fn(&str, &Digest) -> bool + Send + Sync + 'static) -> Self {
+        self.values = Values::Where(Arc::new(wants));
         self
     }
 
@@ -149,9 +160,9 @@ impl<'g> Run<'g> {
         self
     }
 
-    /// Interrupts the run when the flag becomes true.
-    pub fn cancel(mut self, flag: Arc<AtomicBool>) -> Self {
-        self.cancel = flag;
+    /// Interrupts the run when this is raised. A bare flag (`Arc<AtomicBool>`) serves as well; see [`Cancel`].
+    pub fn cancel(mut self, cancel: impl Into<Cancel>) -> Self {
+        self.cancel = cancel.into();
         self
     }
 
@@ -184,8 +195,25 @@ impl<'g> Run<'g> {
     pub fn go(&self) -> Result<Outcome<'g>, Vec<RunMistake>> {
         let started = Instant::now();
         let given = inputs::resolve(self)?;
-        Ok(scheduler::run(self, given, started))
+        scheduler::run(self, given, started).map_err(|mistake| vec![mistake])
     }
+
+    /// Whether an output of the graph is asked for.
+    pub(crate) fn asks_for(&self, output: &str) -> bool {
+        let asked = |names: &Vec<String>| names.iter().any(|name| name == output);
+        self.outputs.as_ref().is_none_or(asked)
+    }
+}
+
+/// Which outputs' values a run must be able to give afterwards, and not only their digests.
+#[derive(Clone)]
+pub(crate) enum Values {
+    /// None.
+    Digests,
+    /// All.
+    All,
+    /// Those of this name and digest.
+    Where(Arc<dyn Fn(&str, &Digest) -> bool + Send + Sync>),
 }
 
 #[cfg(test)]

@@ -32,6 +32,22 @@ impl Outcome<'_> {
     /// The value of an output: from memory, from the store, or computed again if the store lost it. `None` if it
     /// failed, was not asked for or does not exist.
     pub fn value(&self, output: &str) -> Option<AnyValue> {
+        self.value_at_hand(output)
+            .or_else(|| self.computed_again(output)?.value_at_hand(output))
+    }
+
+    /// The same; the record of the run then tells also what was computed again for it.
+    pub fn recover(&mut self, output: &str) -> Option<AnyValue> {
+        if let Some(value) = self.value_at_hand(output) {
+            return Some(value);
+        }
+        let again = self.computed_again(output)?;
+        self.report.add(&again.report);
+        again.value_at_hand(output)
+    }
+
+    /// The value of an output, if nothing must be computed for it.
+    fn value_at_hand(&self, output: &str) -> Option<AnyValue> {
         let state = self.output(output)?;
         let digest = state.digest?;
         if let Some(value) = &state.value {
@@ -39,15 +55,13 @@ impl Outcome<'_> {
         }
         let graph = self.run.graph;
         let slot = graph.outputs().iter().find(|o| o.name == output)?.slot;
-        let stored = self
-            .run
-            .store
-            .as_ref()
-            .and_then(|store| store.load(&digest, &graph.slot_type(slot)));
-        stored.or_else(|| {
-            let again = self.run.clone().outputs([output]).with_values().go().ok()?;
-            again.outputs.into_iter().find(|o| o.name == output)?.value
-        })
+        self.run.store.as_ref()?.load(&digest, &graph.slot_type(slot))
+    }
+
+    /// A run of one output whose value was lost.
+    fn computed_again(&self, output: &str) -> Option<Self> {
+        self.digest(output)?;
+        self.run.clone().outputs([output]).with_values().go().ok()
     }
 
     fn output(&self, name: &str) -> Option<&OutputState> {
@@ -91,7 +105,7 @@ pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, spent: &Spent, int
     let outputs: Vec<_> = graph
         .outputs()
         .iter()
-        .filter(|output| run.outputs.as_ref().is_none_or(|names| names.contains(&output.name)))
+        .filter(|output| run.asks_for(&output.name))
         .map(|output| {
             let slot = &machine.slots[output.slot as usize];
             let done = slot.phase == Phase::Done;
@@ -122,7 +136,7 @@ pub(super) fn finish<'g>(run: &Run<'g>, machine: Machine<'_>, spent: &Spent, int
             estimated_peak: spent.estimated,
             held_back: spent.held_back,
         },
-        jobs: run.jobs,
+        jobs: spent.threads,
         elision: run.elision,
         store: StoreReport {
             folder: run.store.as_ref().map(|store| store.path().display().to_string()),

@@ -271,19 +271,36 @@ impl Planner<'_> {
         }
     }
 
+    /// What makes a slot run whatever its inputs are.
+    pub fn own_reason(&self, slot: u32) -> Option<&'static str> {
+        let machine = &self.machine;
+        let site = machine.graph.site_of[slot as usize];
+        if machine.run.fresh.contains(machine.graph.site_name(site)) {
+            Some("it was asked to run afresh")
+        } else if !machine.cacheable(slot) {
+            Some("it is not deterministic, so it is not stored")
+        } else if machine.slots[slot as usize].again {
+            Some("its value is needed, and is not in the store any more")
+        } else {
+            None
+        }
+    }
+
+    /// The ports that a slot demands for certain, and those that it may demand when it sees values.
+    pub fn demand_of(&self, slot: u32) -> (u64, u64) {
+        let demanded = self.machine.slots[slot as usize].demanded;
+        match self.decided.get(&slot) {
+            Some(decided) => (demanded | decided.demanded, decided.open & !demanded),
+            None => (demanded, 0),
+        }
+    }
+
     fn why_it_runs(&self, slot: u32) -> String {
         let machine = &self.machine;
         let graph = machine.graph;
-        let site = graph.site_of[slot as usize];
         let state = &machine.slots[slot as usize];
-        if machine.run.fresh.contains(graph.site_name(site)) {
-            return "it was asked to run afresh".to_string();
-        }
-        if !machine.cacheable(slot) {
-            return "it is not deterministic, so it is not stored".to_string();
-        }
-        if state.again {
-            return "its value is needed, and is not in the store any more".to_string();
+        if let Some(reason) = self.own_reason(slot) {
+            return reason.to_string();
         }
         let mut before: Vec<_> = machine
             .wires(slot, state.demanded)
@@ -291,11 +308,19 @@ impl Planner<'_> {
             .map(|wire| graph.site_name(graph.site_of[wire.from as usize]))
             .collect();
         before.dedup();
+        // What comes first may turn out as it was: then this does not run.
+        let (one_stops, some_stop) = match machine.run.store {
+            Some(_) => (
+                ", unless that gives what it gave before",
+                ", unless they give what they gave before",
+            ),
+            None => ("", ""),
+        };
         match before.as_slice() {
             [] if machine.run.store.is_none() => "there is no store".to_string(),
             [] => "nothing is stored for its inputs, parameters and version".to_string(),
-            [one] => format!("after `{one}`"),
-            [some @ .., last] => format!("after `{}` and `{last}`", some.join("`, `")),
+            [one] => format!("after `{one}`{one_stops}"),
+            [some @ .., last] => format!("after `{}` and `{last}`{some_stop}", some.join("`, `")),
         }
     }
 }

@@ -230,6 +230,24 @@ pub struct InputSummary {
 }
 
 impl RunReport {
+    /// Adds what a later run of the same graph did for this one.
+    pub(super) fn add(&mut self, later: &Self) {
+        for node in later.nodes.iter().filter(|node| node.status == NodeStatus::Ran) {
+            if let Some(known) = self.nodes.iter_mut().find(|known| known.id == node.id) {
+                known.clone_from(node);
+            }
+        }
+        self.seconds += later.seconds;
+        self.node_seconds += later.node_seconds;
+        self.framework_seconds += later.framework_seconds;
+        self.store.hash_seconds += later.store.hash_seconds;
+        self.store.write_seconds += later.store.write_seconds;
+        self.store.read_seconds += later.store.read_seconds;
+        self.peak_memory = self.peak_memory.max(later.peak_memory);
+        self.failures.extend(later.failures.iter().cloned());
+        self.warnings.extend(later.warnings.iter().cloned());
+    }
+
     /// The node or input of that name.
     pub fn node(&self, id: &str) -> Option<&NodeReport> {
         self.nodes.iter().find(|node| node.id == id)

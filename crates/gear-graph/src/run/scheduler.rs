@@ -24,8 +24,11 @@
 //!
 //! # What must stay true
 //!
-//! * The coordinator never blocks but on the channel, and never for longer than a tick: it then looks at the
-//!   interruption flag and at the memory.
+//! * The coordinator never blocks but on the channel, and what it must not sleep through comes by that channel: an
+//!   interruption rings ([`super::Cancel`]). It wakes by itself only while records wait to be written, or where an
+//!   interruption is a bare flag. So a run that lasts an hour costs what one of a second costs.
+//! * The store's folder may be locked for long by another process that collects garbage. Records then wait in memory;
+//!   only the end of a run waits for the folder, and not once it is interrupted.
 //! * Every job sends exactly one answer, also when it panics (`jobs` catches panics of nodes, loaders, encoders).
 //! * When no job is out and the machine has none to give, everything is settled: each requested slot is done, failed,
 //!   or waits for one that failed.
@@ -33,33 +36,43 @@
 //!   without one.
 //! * An interruption starts nothing new but writing what is computed already, and gives up waiting after a grace.
 
+use std::io;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use super::inputs::Given;
+use super::inputs::{Given, RunMistake};
 use super::jobs::{Back, Job, StoreCost};
 use super::machine::{Happened, Machine};
 use super::observe::Event;
 use super::outcome::{self, Outcome};
+use super::threads::Threads;
 use super::{Run, keys, memory};
-use crate::{Context, Progress};
+use crate::{Context, Progress, Store};
 
+/// How often a flag is looked at that nobody rings for.
 const TICK: Duration = Duration::from_millis(50);
 /// How long an interrupted run waits for its nodes to notice.
 const GRACE: Duration = Duration::from_millis(700);
+/// How long it then waits for the store's folder, which another process may have locked.
+const LAST_RECORDS: Duration = Duration::from_millis(200);
 /// Bytes of values that may wait to be written before writing goes first.
 const KEEP_FIRST: usize = 256 << 20;
 /// Bytes of records that are gathered before they are appended to the log, and how long they may wait.
 const FLUSH_BYTES: usize = 1 << 18;
 const FLUSH_AFTER: Duration = Duration::from_millis(200);
 
+/// What the coordinator wakes for.
+enum Message {
+    /// A job has come back.
+    Back(u64, Back),
+    /// The run is interrupted.
+    Interrupted,
+}
+
 /// A job that is out.
 struct Out {
     number: u64,
-    /// Highest memory of the process since it started.
-    peak: u64,
     /// Bytes that wait to be written and no longer do once it is back.
     bytes: usize,
     /// Bytes that it is estimated to need.
@@ -70,11 +83,15 @@ struct Scheduler<'r> {
     machine: Machine<'r>,
     run: &'r Run<'r>,
     pool: rayon::ThreadPool,
-    sender: Sender<(u64, Back)>,
+    /// How many threads the pool has.
+    threads: usize,
+    sender: Sender<Message>,
+    /// Whether an interruption rings.
+    rings: bool,
     out: Vec<Out>,
     number: u64,
     flushed: Instant,
-    memory: memory::Sampler,
+    memory: Arc<memory::Watch>,
     /// Jobs that are held back by the memory limit: a node, a value from the store.
     parked: [Option<Job>; 2],
     spent: Spent,
@@ -96,76 +113,91 @@ pub(super) struct Spent {
     pub estimated: u64,
     /// How many starts were held back.
     pub held_back: usize,
+    /// Threads that could be started.
+    pub threads: usize,
 }
 
 const NODE: usize = 0;
 const LOAD: usize = 1;
 
-pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>, started: Instant) -> Outcome<'g> {
+pub(super) fn run<'g>(run: &Run<'g>, given: Vec<Given>, started: Instant) -> Result<Outcome<'g>, RunMistake> {
     let span = tracing::info_span!("run", graph = run.graph.name());
     let _entered = span.enter();
+    let (pool, too_few) = pool(run.jobs)?;
     let (sender, receiver) = channel();
+    let bell = {
+        let sender = sender.clone();
+        // Nobody listens any more only when the run is over.
+        run.cancel.on_raise(move || drop(sender.send(Message::Interrupted)))
+    };
+    let threads = pool.current_num_threads();
     let mut scheduler = Scheduler {
         machine: Machine::new(run, given),
         run,
-        pool: pool(run.jobs),
+        pool,
+        threads,
         sender,
+        rings: bell.is_some(),
         out: Vec::new(),
         number: 0,
         flushed: Instant::now(),
-        memory: memory::Sampler::new(),
+        memory: Arc::new(memory::Watch::new()),
         parked: [None, None],
         spent: Spent {
             started: Some(started),
             inputs: started.elapsed().as_secs_f64(),
             worked: memory::thread_seconds(),
+            threads,
             ..Spent::default()
         },
     };
+    scheduler.machine.warnings.extend(too_few);
     scheduler.tell(&Event::Started {
         sites: run.graph.sites(),
     });
     scheduler.machine.start();
     let interrupted = scheduler.work(&receiver);
     if let Some(store) = &run.store {
-        store.flush();
-        if let Err(error) = store.tidy() {
-            let warning = format!("the store {} cannot be tidied up ({error})", store.path().display());
-            scheduler.machine.warnings.push(warning);
-        }
-        scheduler.machine.warnings.extend(store.warnings());
+        scheduler.end_of_store(store);
     }
     scheduler.tell_happened();
     for warning in &scheduler.machine.warnings {
         scheduler.tell(&Event::Warning { message: warning });
         tracing::warn!("{warning}");
     }
-    outcome::finish(run, scheduler.machine, &scheduler.spent, interrupted)
+    Ok(outcome::finish(run, scheduler.machine, &scheduler.spent, interrupted))
 }
 
-fn pool(jobs: usize) -> rayon::ThreadPool {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(jobs)
-        .stack_size(16 << 20)
-        .thread_name(|i| format!("gear-{i}"))
-        .build()
-        // Without threads nothing can be computed at all; the message of the operating system says why.
-        .unwrap_or_else(|error| panic!("cannot start {jobs} threads: {error}"))
+/// A pool of so many threads, or of as many as can be started, with a warning.
+fn pool(jobs: usize) -> Result<(rayon::ThreadPool, Option<String>), RunMistake> {
+    let none = |error: io::Error| RunMistake::NoThread {
+        cause: error.to_string(),
+    };
+    let threads = Threads::start(jobs, "gear", Some(16 << 20)).map_err(none)?;
+    let too_few = threads.refused().map(|refused| {
+        let count = threads.count();
+        format!("of {jobs} threads only {count} are used, as the system does not start as many ({refused})")
+    });
+    Ok((threads.into_pool().map_err(none)?, too_few))
 }
 
 impl Scheduler<'_> {
     /// Works until everything is settled; whether it was interrupted.
-    fn work(&mut self, receiver: &Receiver<(u64, Back)>) -> bool {
+    fn work(&mut self, receiver: &Receiver<Message>) -> bool {
         let mut deadline = None;
         loop {
-            if deadline.is_none() && self.run.cancel.load(Ordering::Relaxed) {
+            if deadline.is_none() && self.run.cancel.is_raised() {
                 deadline = Some(Instant::now() + GRACE);
             }
             if deadline.is_none() {
                 self.machine.settle_agenda();
             }
             self.tell_happened();
-            while self.out.len() < self.run.jobs {
+            if !self.machine.dropped.is_empty() {
+                let dropped = std::mem::take(&mut self.machine.dropped);
+                self.pool.spawn(|| drop(dropped));
+            }
+            while self.out.len() < self.threads {
                 match self.next(deadline.is_some()) {
                     Some(job) => self.start(job),
                     None => break,
@@ -175,17 +207,19 @@ impl Scheduler<'_> {
                 return deadline.is_some();
             }
             let waits = Instant::now();
-            let answer = receiver.recv_timeout(TICK);
+            let message = match self.patience(deadline) {
+                None => receiver.recv().map_err(|_| RecvTimeoutError::Disconnected),
+                Some(patience) => receiver.recv_timeout(patience),
+            };
             self.spent.waiting += waits.elapsed().as_secs_f64();
-            match answer {
-                Ok((number, back)) => {
-                    self.sample();
-                    self.back(number, back);
-                    while let Ok((number, back)) = receiver.try_recv() {
-                        self.back(number, back);
+            match message {
+                Ok(message) => {
+                    self.hear(message);
+                    while let Ok(message) = receiver.try_recv() {
+                        self.hear(message);
                     }
                 }
-                Err(RecvTimeoutError::Timeout) => self.sample(),
+                Err(RecvTimeoutError::Timeout) => {}
                 // This scheduler holds a sender itself.
                 Err(RecvTimeoutError::Disconnected) => return deadline.is_some(),
             }
@@ -195,10 +229,48 @@ impl Scheduler<'_> {
             if let Some(store) = &self.run.store
                 && (store.pending_bytes() > FLUSH_BYTES || self.flushed.elapsed() > FLUSH_AFTER)
             {
-                store.flush();
+                store.try_flush();
                 self.flushed = Instant::now();
             }
         }
+    }
+
+    /// How long to sleep when nobody rings; `None` for as long as it takes.
+    fn patience(&self, deadline: Option<Instant>) -> Option<Duration> {
+        let records = self.run.store.as_ref().is_some_and(|store| store.pending_bytes() > 0);
+        let flush = records.then(|| FLUSH_AFTER.saturating_sub(self.flushed.elapsed()));
+        let grace = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
+        let look = (!self.rings).then_some(TICK);
+        let soonest = flush.into_iter().chain(grace).chain(look).min();
+        // A moment later than needed rather than a moment too early, and then again.
+        soonest.map(|patience| patience + Duration::from_millis(1))
+    }
+
+    fn hear(&mut self, message: Message) {
+        match message {
+            Message::Back(number, back) => self.back(number, back),
+            // The loop looks at the flag.
+            Message::Interrupted => {}
+        }
+    }
+
+    /// Writes the last records, and what the store does at the end of a run.
+    fn end_of_store(&mut self, store: &Store) {
+        let cancel = self.run.cancel.clone();
+        let interrupted = Instant::now();
+        let stop = || cancel.is_raised() && interrupted.elapsed() > LAST_RECORDS;
+        if !store.flush_unless(&stop) {
+            let folder = store.path().display();
+            let warning =
+                format!("another process is at work on the store {folder}; the last results of this run are not kept");
+            self.machine.warnings.push(warning);
+        } else if !cancel.is_raised()
+            && let Err(error) = store.tidy()
+        {
+            let warning = format!("the store {} cannot be tidied up ({error})", store.path().display());
+            self.machine.warnings.push(warning);
+        }
+        self.machine.warnings.extend(store.warnings());
     }
 
     fn next(&mut self, interrupted: bool) -> Option<Job> {
@@ -304,23 +376,26 @@ impl Scheduler<'_> {
         };
         self.out.push(Out {
             number,
-            peak: self.memory.resident(),
             bytes,
             memory: job.memory(),
         });
+        if !running.is_empty() {
+            self.memory.begin(number);
+        }
         self.spent.estimated = self.spent.estimated.max(self.in_use());
         let (store, sender) = (self.run.store.clone(), self.sender.clone());
         self.pool.spawn_fifo(move || {
             let back = span.in_scope(|| job.execute(&ctx, store.as_deref()));
             // Nobody listens any more only when the run was given up.
-            let _ = sender.send((number, back));
+            let _ = sender.send(Message::Back(number, back));
         });
     }
 
     fn context(&self, running: &[u32]) -> Context {
         let graph = self.run.graph;
+        let cancelled = Arc::clone(self.run.cancel.flag());
         let Some(slot) = running.first() else {
-            return Context::new(Arc::clone(&self.run.cancel), None, 0);
+            return Context::new(cancelled, None, 0);
         };
         let site = graph.site_of[*slot as usize];
         let seed = graph.node_at(site).map_or(0, keys::seed);
@@ -333,7 +408,10 @@ impl Scheduler<'_> {
                 });
             }) as Arc<dyn Fn(Progress) + Send + Sync>
         });
-        Context::new(Arc::clone(&self.run.cancel), listener, seed).with_resources(self.run.resources.clone())
+        let memory = Arc::clone(&self.memory);
+        Context::new(cancelled, listener, seed)
+            .with_resources(self.run.resources.clone())
+            .with_pulse(Arc::new(move || memory.pulse()))
     }
 
     fn back(&mut self, number: u64, back: Back) {
@@ -364,7 +442,8 @@ impl Scheduler<'_> {
                         });
                     }
                 }
-                self.machine.ran(&slots, result, seconds, out.peak, notes);
+                let peak = self.memory.end(number);
+                self.machine.ran(&slots, result, seconds, peak, notes);
             }
             Back::Decided { slot, result } => self.machine.decided(slot, result),
             Back::Loaded { slot, value, cost } => {
@@ -376,14 +455,6 @@ impl Scheduler<'_> {
                 self.machine.keep_bytes = self.machine.keep_bytes.saturating_sub(out.bytes);
                 self.machine.kept(*done);
             }
-        }
-    }
-
-    /// Takes the memory of the process now as part of the peak of everything that runs.
-    fn sample(&mut self) {
-        let now = self.memory.resident();
-        for out in &mut self.out {
-            out.peak = out.peak.max(now);
         }
     }
 

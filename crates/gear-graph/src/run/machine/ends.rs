@@ -1,9 +1,9 @@
 //! How slots end: known, failed, skipped, dead; and what they let go of.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::Ordering;
 
 use super::{Happened, Machine, Phase};
+use crate::run::Values;
 use crate::run::inputs::Given;
 use crate::run::jobs::Trouble;
 use crate::run::report::{Failure, FailureKind, InputSummary};
@@ -53,8 +53,21 @@ impl Machine<'_> {
             }
         }
         self.release(slot);
-        if self.run.values && self.slots[slot as usize].pinned {
+        if self.slots[slot as usize].pinned && self.output_wants_value(slot) {
             self.request_value(slot);
+        }
+    }
+
+    /// Whether the run must be able to give the value of a slot that is an output, not only its digest.
+    fn output_wants_value(&self, slot: u32) -> bool {
+        match &self.run.values {
+            Values::Digests => false,
+            Values::All => true,
+            Values::Where(wants) => {
+                let mut outputs = self.graph.outputs().iter().filter(|output| output.slot == slot);
+                let digest = &self.slots[slot as usize].digest;
+                outputs.any(|output| self.run.asks_for(&output.name) && wants(&output.name, digest))
+            }
         }
     }
 
@@ -91,7 +104,7 @@ impl Machine<'_> {
 
     pub(super) fn fail(&mut self, slot: u32, trouble: Trouble) {
         let site = self.site_of(slot);
-        let interrupted = self.run.cancel.load(Ordering::Relaxed);
+        let interrupted = self.run.cancel.is_raised();
         if matches!(trouble, Trouble::Error(NodeError::Cancelled)) && interrupted {
             return; // the slot stays as unfinished as it is
         }

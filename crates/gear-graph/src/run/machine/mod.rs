@@ -160,6 +160,8 @@ pub(super) struct Machine<'r> {
     pub keep_bytes: usize,
     /// Bytes of the values in `slots`.
     pub held_bytes: u64,
+    /// Large values that nobody reads any more, for another thread to free.
+    pub dropped: Vec<AnyValue>,
     pub failures: Vec<Failure>,
     pub warnings: Vec<String>,
     pub happened: Vec<Happened>,
@@ -205,6 +207,7 @@ impl<'r> Machine<'r> {
             keep: Default::default(),
             keep_bytes: 0,
             held_bytes: 0,
+            dropped: Vec::new(),
             failures: Vec::new(),
             warnings: Vec::new(),
             happened: Vec::new(),
@@ -224,12 +227,7 @@ impl<'r> Machine<'r> {
         self.graph
             .outputs()
             .iter()
-            .filter(|output| {
-                self.run
-                    .outputs
-                    .as_ref()
-                    .is_none_or(|names| names.contains(&output.name))
-            })
+            .filter(|output| self.run.asks_for(&output.name))
             .map(|output| output.slot)
             .collect()
     }

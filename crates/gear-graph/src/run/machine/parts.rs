@@ -6,8 +6,9 @@ use crate::store::{Done, Origin, Parts, PortPart};
 use crate::{Digest, Numerics, ParamValues};
 
 impl Machine<'_> {
-    /// What the key of a slot is made of, and the wired ports that belong to it but whose values are not known yet.
-    pub fn parts(&self, slot: u32) -> (Parts, Vec<crate::graph::Wire>) {
+    /// What the key of a slot is made of when it demands some ports, and the wires to them whose digests are not known
+    /// yet.
+    pub fn parts(&self, slot: u32, demanded: u64) -> (Parts, Vec<crate::graph::Wire>) {
         let site = self.site_of(slot);
         let Some(node) = self.graph.node_at(site) else {
             return (self.parts_of_input(slot), Vec::new());
@@ -15,7 +16,7 @@ impl Machine<'_> {
         let specs = self.ports(slot);
         let mut ports: Vec<(u16, Vec<Digest>, u32)> = Vec::new();
         let mut open = Vec::new();
-        for wire in self.wires(slot, self.slots[slot as usize].demanded) {
+        for wire in self.wires(slot, demanded) {
             if !self.known(wire.from) {
                 open.push(wire);
                 continue;
@@ -75,7 +76,7 @@ impl Machine<'_> {
             graph: self.graph.name().to_string(),
             site: self.graph.site_name(self.site_of(slot)).to_string(),
             output: self.graph.port_name(slot).to_string(),
-            parts: self.parts(slot).0,
+            parts: self.parts(slot, self.slots[slot as usize].demanded).0,
         });
     }
 }

@@ -222,6 +222,44 @@ outputs: {large: floor.large, x: x}";
     assert!(outcome.report.outputs.iter().all(|output| output.digest.is_some()));
 }
 
+/// Only what somebody needs a value for runs again, and the plan, the record and the run say the same of it.
+#[test]
+fn a_lost_value_is_computed_in_the_first_run_for_who_has_nothing_made_of_it() {
+    let body = "inputs: {x: Number}
+nodes:
+  floor: {node: Floor, in: {x: x}}
+  more: {node: Add, in: {of: x}, with: {plus: 1}}
+  other: {node: Floor, in: {x: more.sum}}
+outputs: {large: floor.large, other: other.large}";
+    let (graph, shelf) = (graph(body), Shelf::new());
+    let run = || Run::new(&graph).store(shelf.open()).input_value("x", Number(2.5));
+    let first = run().go().unwrap().report;
+    shelf.evict_contents();
+    let digests: std::collections::BTreeMap<_, _> = first
+        .outputs
+        .iter()
+        .map(|output| (output.name.clone(), output.digest.clone().unwrap()))
+        .collect();
+    let run = run().with_values_where(move |output, digest| {
+        assert_eq!(digests[output], digest.hex());
+        output == "large"
+    });
+    let planned = run.plan().unwrap();
+    let state = |id: &str| planned.node(id).unwrap().state;
+    assert_eq!(
+        (state("floor"), state("other")),
+        (PlannedState::Runs, PlannedState::Cached)
+    );
+    let mut outcome = run.go().unwrap();
+    assert_eq!(outcome.report.ran(), ["floor"]);
+    assert!(outcome.recover("large").is_some());
+    assert_eq!(outcome.report.ran(), ["floor"], "nothing had to be computed again");
+    // Whoever finds too late that he needs a value gets it, and the record says what ran for it.
+    assert!(outcome.recover("other").is_some());
+    assert_eq!(outcome.report.ran(), ["floor", "other"]);
+    assert!(outcome.recover("none").is_none());
+}
+
 #[test]
 fn an_optional_input_that_is_not_given_is_told_apart() {
     let body = "inputs: {a: Number, c: {type: Number, optional: true}}

@@ -1,6 +1,6 @@
 //! Failures, panics, interruptions.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -73,21 +73,26 @@ outputs: {never: bad.never, b: b.sum}";
 
 #[test]
 fn an_interruption_stops_within_a_second_and_what_was_done_is_stored() {
-    for kind in ["wait", "deaf"] {
+    // One that wakes the run, and a bare flag, at which the run looks now and then.
+    let bare = || Cancel::from(Arc::new(AtomicBool::new(false)));
+    for (kind, cancel) in [("wait", Cancel::new()), ("deaf", Cancel::new()), ("wait", bare())] {
         let (graph, shelf) = (graph_set(BODY, &[&format!("bad.kind={kind}")]), Shelf::new());
-        let flag = Arc::new(AtomicBool::new(false));
-        let (raise, seen) = (Arc::clone(&flag), Arc::new(Mutex::new(None)));
+        let (raise, seen) = (cancel.clone(), Arc::new(Mutex::new(None)));
         let when = Arc::clone(&seen);
-        // Raised once the endless node runs and the other branch is done.
+        // Raised from elsewhere, once the endless node runs, the other branch is done, and the run has gone to sleep.
         let observer = move |event: &Event<'_>| {
             if let Event::Ran { node: "other", .. } = event {
-                *when.lock().unwrap() = Some(Instant::now());
-                raise.store(true, Ordering::Relaxed);
+                let (raise, when) = (raise.clone(), Arc::clone(&when));
+                std::thread::spawn(move || {
+                    std::thread::sleep(Duration::from_millis(300));
+                    *when.lock().unwrap() = Some(Instant::now());
+                    raise.raise();
+                });
             }
         };
         let outcome = run(&graph, &shelf)
             .jobs(2)
-            .cancel(flag)
+            .cancel(cancel)
             .observer(Arc::new(observer))
             .go()
             .unwrap();
@@ -118,7 +123,9 @@ fn an_interruption_ends_the_reading_of_inputs() {
     std::fs::write(&path, "1").unwrap();
     let run = Run::new(&graph).input("x", Input::file(path));
     assert!(run.go().is_ok());
-    let mistakes = run.cancel(Arc::new(true.into())).go().unwrap_err();
+    let cancel = Cancel::new();
+    cancel.raise();
+    let mistakes = run.cancel(cancel).go().unwrap_err();
     assert_eq!(mistakes, [RunMistake::Interrupted]);
 }
 

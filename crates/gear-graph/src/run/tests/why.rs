@@ -91,6 +91,37 @@ fn a_lazy_input_that_was_not_asked_for_before() {
     insta::assert_snapshot!(why(&shelf, &[], 7.5, "choose.chosen"));
 }
 
+/// What was asked for before is not said to be asked for no more, as long as nobody knows.
+#[test]
+fn a_lazy_input_of_which_values_decide_whether_it_is_asked_for() {
+    let shelf = Shelf::new();
+    ran(&shelf, &[], 7.5);
+    insta::assert_snapshot!(why(&shelf, &["first.plus=2"], 7.5, "choose.chosen"));
+}
+
+#[test]
+fn a_node_that_runs_because_it_was_asked_to() {
+    let shelf = Shelf::new();
+    ran(&shelf, &[], 7.5);
+    let graph = graph_of(&[]);
+    let fresh = |node: &str| setting(&graph, &shelf, 7.5).fresh(node);
+    let all = [
+        told(&fresh("floor"), "floor.whole"),
+        told(&fresh("floor"), "last"),
+        told(&fresh("choose"), "choose.chosen"),
+    ];
+    insta::assert_snapshot!(all.join("\n\n"));
+}
+
+/// The log of actions was lost, that of origins was not.
+#[test]
+fn a_node_whose_record_is_lost() {
+    let shelf = Shelf::new();
+    ran(&shelf, &[], 7.5);
+    std::fs::remove_file(shelf.path().join("actions-1.log")).unwrap();
+    insta::assert_snapshot!(why(&shelf, &[], 7.5, "last"));
+}
+
 #[test]
 fn another_node_of_the_type_serves_when_this_one_never_ran() {
     let shelf = Shelf::new();

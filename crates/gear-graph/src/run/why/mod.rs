@@ -112,13 +112,15 @@ pub struct Difference {
     pub summary: Vec<(String, String, String)>,
 }
 
-/// An input whose value is not known before another node has run.
+/// An input of which not all is known before another node has run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WhyAhead {
     /// The port.
     pub port: String,
     /// Where its value comes from.
     pub source: String,
+    /// Whether the input is asked for, and only its value is not known; else values decide whether it is.
+    pub certain: bool,
     /// The nodes at which the change begins, each with its reason.
     pub begins: Vec<(String, String)>,
 }
@@ -226,19 +228,27 @@ impl Explainer<'_> {
     fn why(&self, slot: u32) -> Why {
         let machine = self.machine();
         let graph = machine.graph;
-        let (parts, open) = machine.parts(slot);
-        let skip: Vec<&str> = open.iter().map(|wire| self.port_name(slot, wire.port)).collect();
+        let (demanded, undecided) = self.planner.demand_of(slot);
+        let (parts, open) = machine.parts(slot, demanded);
+        let undecided: Vec<_> = machine.wires(slot, undecided).collect();
+        let skip: Vec<&str> = open
+            .iter()
+            .chain(&undecided)
+            .map(|wire| self.port_name(slot, wire.port))
+            .collect();
         let origin = self.own_origin(slot);
         let parts = origin.map_or(parts, |at| self.origins[at].parts.clone());
         let nearest = self.nearest(slot, &parts, &skip, origin);
         let mut ahead: Vec<WhyAhead> = Vec::new();
-        for wire in &open {
+        let certain = open.iter().map(|wire| (wire, true));
+        for (wire, certain) in certain.chain(undecided.iter().map(|wire| (wire, false))) {
             let port = self.port_name(slot, wire.port);
             if ahead.last().is_none_or(|last| last.port != port) {
                 ahead.push(WhyAhead {
                     port: port.to_string(),
                     source: graph.slot_name(wire.from),
-                    begins: self.begins(wire.from),
+                    certain,
+                    begins: certain.then(|| self.begins(wire.from)).unwrap_or_default(),
                 });
             }
         }
@@ -308,7 +318,8 @@ impl Explainer<'_> {
             if !seen.insert(slot) || begins.len() >= AHEAD {
                 continue;
             }
-            let (parts, open) = machine.parts(slot);
+            let (demanded, undecided) = self.planner.demand_of(slot);
+            let (parts, open) = machine.parts(slot, demanded);
             if !open.is_empty() {
                 stack.extend(open.iter().rev().map(|wire| wire.from));
                 continue;
@@ -317,22 +328,36 @@ impl Explainer<'_> {
             if begins.iter().any(|(known, _)| known == name) {
                 continue;
             }
-            let reason = match self.nearest(slot, &parts, &[], self.own_origin(slot)) {
-                _ if self.own_origin(slot).is_some() => {
-                    "its value is needed, and is not in the store any more".to_string()
-                }
-                Some(at) => {
-                    let all: Vec<_> = differences(&self.origins[at].parts, &parts, &[])
-                        .iter()
-                        .map(ToString::to_string)
-                        .collect();
-                    all.join("; ")
-                }
-                None => format!("`{}` was never computed before", graph.slot_name(slot)),
+            let reason = match self.planner.own_reason(slot) {
+                Some(reason) => reason.to_string(),
+                None => self.what_changed(slot, &parts, undecided),
             };
             begins.push((name.to_string(), reason));
         }
         begins
+    }
+
+    /// In what a slot whose inputs are known differs from its nearest run, in one line.
+    fn what_changed(&self, slot: u32, parts: &Parts, undecided: u64) -> String {
+        let machine = self.machine();
+        if self.own_origin(slot).is_some() {
+            return "what it gave is not in the store any more".to_string();
+        }
+        let skip: Vec<&str> = machine
+            .wires(slot, undecided)
+            .map(|wire| self.port_name(slot, wire.port))
+            .collect();
+        let Some(at) = self.nearest(slot, parts, &skip, None) else {
+            return format!("`{}` was never computed before", machine.graph.slot_name(slot));
+        };
+        let all: Vec<_> = differences(&self.origins[at].parts, parts, &skip)
+            .iter()
+            .map(ToString::to_string)
+            .collect();
+        match all.as_slice() {
+            [] => "it looks at values before it is known what it needs".to_string(),
+            all => all.join("; "),
+        }
     }
 
     /// Adds what stored values say about inputs that differ.

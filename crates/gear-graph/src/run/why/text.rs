@@ -77,6 +77,11 @@ impl fmt::Display for Why {
             }
         }
         for ahead in &self.ahead {
+            if !ahead.certain {
+                let (port, source) = (&ahead.port, &ahead.source);
+                write!(f, "\n  values decide whether `{port}` ({source}) is asked for")?;
+                continue;
+            }
             write!(f, "\n  `{}` is known only after `{}` has run", ahead.port, ahead.source)?;
             for (node, reason) in &ahead.begins {
                 write!(f, "\n    it begins at `{node}`: {reason}")?;
