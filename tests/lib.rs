@@ -99,7 +99,10 @@ impl Desk {
     #[track_caller]
     pub fn gear(&self, arguments: &[&str]) -> Done {
         let mut command = self.command(arguments);
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
         let mut child = command.spawn().expect("gear starts");
         let stdout = gather(child.stdout.take());
         let stderr = gather(child.stderr.take());
@@ -118,7 +121,10 @@ impl Desk {
         let text = |from: JoinHandle<Vec<u8>>| String::from_utf8_lossy(&from.join().unwrap_or_default()).into_owned();
         let (stdout, stderr) = (text(stdout), text(stderr));
         let Some(status) = status else {
-            panic!("`gear {}` did not end in {PATIENCE:?}; it said {stdout}{stderr}", arguments.join(" "));
+            panic!(
+                "`gear {}` did not end in {PATIENCE:?}; it said {stdout}{stderr}",
+                arguments.join(" ")
+            );
         };
         Done {
             code: status.code(),

@@ -30,3 +30,57 @@ fn a_scene_that_does_not_fit() {
         .says("cannot be written");
     assert_eq!(desk.listing("out"), Vec::<String>::new());
 }
+
+/// One output is too large, another is not: what fits is written, and the record tells what is missing.
+#[cfg(unix)]
+#[test]
+fn an_output_that_does_not_fit_costs_no_other() {
+    let desk = Desk::new();
+    let graph = "\
+gear: 1
+inputs:
+  painting: {type: Image, with: {size: 256}}
+nodes:
+  ratio: {node: LogRatio, in: {image: painting}}
+  enhance: {node: Enhance, in: {image: painting}}
+outputs:
+  ratio: ratio.ratio
+  enhanced: enhance.image
+";
+    desk.file("graph.yaml", graph);
+    let run = ["run", "graph.yaml", "--input", "painting=sample:vessel", "--no-cache"];
+    desk.gear(&run).exits(0);
+    let size = |name: &str| std::fs::metadata(desk.path("out").join(name)).unwrap().len();
+    let [ratio, enhanced, page] = ["ratio.exr", "enhanced.png", "report.html"].map(size);
+    let limit = enhanced.max(page).div_ceil(1024) as u32;
+    assert!(
+        u64::from(limit) * 1024 < ratio,
+        "ratio {ratio}, enhanced {enhanced}, page {page}"
+    );
+    let done = limited(&desk, limit, &[&run[..], &["--out", "small"]].concat())
+        .exits(1)
+        .says("ratio.exr")
+        .says("cannot be written");
+    assert!(
+        done.stdout.contains("enhanced.png") && !done.stdout.contains("ratio.exr"),
+        "{done:?}"
+    );
+    let record = gear_tests::json(&desk.path("small/run.json"));
+    assert_eq!(record["unwritten"][0]["output"], "ratio", "{}", record["unwritten"]);
+    let mut files = desk.listing("small");
+    assert!(!files.iter().any(|name| name == "ratio.exr"), "{files:?}");
+    files.retain(|name| name != "ratio.png");
+    let recorded: Vec<_> = record["files"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|name| name.as_str())
+        .collect();
+    assert!(
+        files.iter().all(|name| recorded.contains(&name.as_str())),
+        "{files:?} {recorded:?}"
+    );
+    // With room, the next run completes the folder.
+    desk.gear(&[&run[..], &["--out", "small"]].concat()).exits(0);
+    assert_eq!(desk.listing("small"), desk.listing("out"));
+}

@@ -186,3 +186,113 @@ fn an_input_that_a_result_would_replace() {
         .says("`grounded.png` in it is read by this run");
     assert_eq!(std::fs::read(&mine).unwrap(), before);
 }
+
+/// Only a part of the graph reads the bad file: the rest is finished and written, and the exit code is 2 all the same.
+#[test]
+fn a_bad_file_costs_only_what_depends_on_it() {
+    let desk = Desk::new();
+    let two = SMALL
+        .replace("nodes:\n", "  other: {type: Image, with: {size: 64}}\nnodes:\n")
+        .replace(
+            "enhance: {node: Enhance, in: {image: painting}}",
+            "enhance: {node: Enhance, in: {image: other}}",
+        );
+    desk.file("graph.yaml", two);
+    desk.file("good.png", png(40, 30));
+    desk.file("cut.png", &png(200, 100)[..400]);
+    let run = |painting: &str, other: &str, more: &[&str]| {
+        let (painting, other) = (format!("painting={painting}"), format!("other={other}"));
+        let given = ["run", "graph.yaml", "--input", &painting, "--input", &other];
+        desk.gear(&[&given, more].concat())
+    };
+    run("cut.png", "good.png", &[]).exits(2).says("cut.png").says("error");
+    assert_eq!(desk.listing("out"), ["enhanced.png", "report.html", "run.json"]);
+    assert_eq!(desk.record("out").with_status("failed"), ["painting"]);
+    // Nothing is left of what was asked for: nothing is written.
+    run("cut.png", "good.png", &["--output", "edges", "--out", "none"]).exits(2);
+    run("cut.png", "cut.png", &["--out", "none"]).exits(2);
+    assert!(!desk.path("none").exists());
+    // Mended, the same folder is completed.
+    run("good.png", "good.png", &[]).exits(0);
+    assert_eq!(desk.record("out").outputs().len(), 3);
+}
+
+#[test]
+fn files_of_the_user_s_own_are_not_replaced() {
+    let desk = Desk::new();
+    desk.file("graph.yaml", SMALL);
+    desk.file("picture.png", png(40, 30));
+    std::fs::create_dir(desk.path("mine")).unwrap();
+    let run = |more: &[&str]| {
+        let run = ["run", "graph.yaml", "--input", "painting=picture.png", "--out", "mine"];
+        desk.gear(&[&run, more].concat())
+    };
+    for name in ["enhanced.png", "run.json", "report.html"] {
+        let mine = desk.file(&format!("mine/{name}"), "mine");
+        run(&[]).exits(2).says(name).says("--force");
+        assert_eq!(desk.listing("mine"), [name], "nothing was written");
+        assert_eq!(std::fs::read(&mine).unwrap(), b"mine");
+        std::fs::remove_file(mine).unwrap();
+    }
+    // What is in nobody's way stays; what a run wrote is replaced by the next.
+    desk.file("mine/notes.txt", "mine");
+    run(&[]).exits(0);
+    run(&["--set", "painting.size=48"]).exits(0);
+    assert!(desk.listing("mine").contains(&"notes.txt".to_owned()));
+    desk.file("mine/run.json", "{}");
+    run(&[]).exits(2).says("no earlier run");
+    run(&["--force"]).exits(0);
+    run(&[]).exits(0);
+}
+
+/// The names of views are known only when they are there.
+#[test]
+fn a_view_that_stands_where_no_run_wrote_it() {
+    let desk = Desk::new();
+    std::fs::create_dir_all(desk.path("out/views")).unwrap();
+    let run = [crate::MAIN, &["--output", "views"]].concat();
+    desk.gear(&run).exits(0);
+    let views = desk.listing("out/views");
+    std::fs::remove_dir_all(desk.path("out")).unwrap();
+    std::fs::create_dir_all(desk.path("out/views")).unwrap();
+    let mine = desk.file(&format!("out/views/{}", views[0]), "mine");
+    desk.gear(&run).exits(2).says(&views[0]).says("--force");
+    assert_eq!(std::fs::read(mine).unwrap(), b"mine");
+    assert_eq!(desk.listing("out").len(), 1, "nothing was written");
+    desk.gear(&[&run[..], &["--force"]].concat()).exits(0);
+}
+
+/// Names in file systems are bytes, and results go where they were asked to go.
+#[cfg(target_os = "linux")]
+#[test]
+fn names_that_are_no_text() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+
+    let desk = Desk::new();
+    desk.file("graph.yaml", SMALL);
+    let odd = |name: &[u8]| OsStr::from_bytes(name).to_owned();
+    std::fs::write(desk.path("").join(odd(b"p\xff.png")), png(40, 30)).unwrap();
+    let run = |arguments: &[&OsStr]| -> Done { desk.command(&[]).args(arguments).output().unwrap().into() };
+    let plain = OsStr::new;
+    let (input, out, store) = (odd(b"painting=p\xff.png"), odd(b"o\xff"), odd(b"s\xff"));
+    let arguments = [
+        plain("run"),
+        plain("graph.yaml"),
+        plain("--input"),
+        &input,
+        plain("--out"),
+        &out,
+        plain("--store"),
+        &store,
+    ];
+    run(&arguments).exits(0);
+    assert!(desk.path("").join(&out).join("run.json").exists());
+    run(&[&[plain("plan")], &arguments[1..4], &arguments[6..]].concat()).exits(0);
+    run(&[plain("cache"), plain("stat"), plain("--store"), &store]).exits(0);
+    // A graph is named in texts: refused, in words.
+    let graph = run(&[plain("check"), &odd(b"g\xff.yaml")]).exits(2);
+    assert!(!graph.stderr.contains("panicked"), "{graph:?}");
+    let set = run(&[plain("run"), plain("graph.yaml"), plain("--set"), &odd(b"a.b=\xff")]).exits(2);
+    assert!(!set.stderr.contains("panicked"), "{set:?}");
+}

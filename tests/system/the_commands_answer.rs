@@ -268,3 +268,32 @@ fn a_reader_that_goes_away_is_no_error() {
     assert_eq!(String::from_utf8_lossy(&output.stderr), "");
     assert_eq!(output.status.code(), Some(0));
 }
+
+/// Where threads are scarce, a run has fewer of them; where there are none, it says so.
+#[cfg(target_os = "linux")]
+#[test]
+fn threads_that_cannot_be_started_are_told_of() {
+    let desk = Desk::new();
+    desk.file("small.yaml", crate::SMALL);
+    let run = [
+        "run",
+        "small.yaml",
+        "--input",
+        "painting=sample:vessel",
+        "--device",
+        "cpu",
+        "--jobs",
+        "256",
+    ];
+    // Every thread of a run reserves 16 MiB of addresses; so many of them do not fit.
+    let limited = |kibibytes: u32, arguments: &[&str]| -> gear_tests::Done {
+        let gear = desk.command(arguments);
+        let mut shell = std::process::Command::new("sh");
+        shell.args(["-c", &format!("ulimit -v {kibibytes}; exec \"$@\""), "sh"]);
+        shell.arg(gear.get_program()).args(gear.get_args());
+        shell.current_dir(desk.path("")).env("GEAR_STORE", desk.path("store"));
+        shell.output().unwrap().into()
+    };
+    let done = limited(2 << 20, &run).exits(0).says("of 256 threads only");
+    assert!(!done.stderr.contains("panicked"), "{done:?}");
+}

@@ -194,3 +194,122 @@ fn why_tells_what_changed_and_where_a_value_came_from() {
     let read: serde_json::Value = serde_json::from_str(&why(&["ratio", "--format", "json"])).unwrap();
     assert_eq!(read[0]["computed"]["run"], id.as_str());
 }
+
+/// After values were lost, all that tells of a run tells the same: what is computed again is no hit.
+#[test]
+fn what_is_computed_again_is_said_to_run() {
+    let desk = small();
+    desk.gear(RUN).exits(0);
+    std::fs::remove_dir_all(desk.path("store/contents")).unwrap();
+    let plan = desk
+        .gear(&["plan", "small.yaml", "--input", "painting=sample:vessel"])
+        .exits(0);
+    let planned = |node: &str| {
+        plan.stdout
+            .lines()
+            .find(|line| line.starts_with(node))
+            .unwrap()
+            .to_owned()
+    };
+    assert!(planned("enhance").contains("runs"), "{}", plan.stdout);
+    let again = desk.gear(&RUN[..4]).exits(0);
+    let record = desk.record("out");
+    assert!(
+        record.with_status("ran").contains(&"enhance"),
+        "{:?}",
+        record.with_status("cached")
+    );
+    assert!(!again.stderr.contains(": 0 ran"), "{}", again.stderr);
+    // Files that are stored need no values: nothing runs, and nothing says so.
+    std::fs::remove_dir_all(desk.path("out")).unwrap();
+    let third = desk.gear(&RUN[..4]).exits(0);
+    assert!(third.stderr.contains(": 0 ran"), "{}", third.stderr);
+    assert_eq!(desk.record("out").with_status("ran"), Vec::<&str>::new());
+}
+
+#[test]
+fn an_export_tells_what_is_not_in_it() {
+    let desk = small();
+    desk.gear(RUN).exits(0);
+    let export = [
+        "cache",
+        "export",
+        "run.tar",
+        "--graph",
+        "small.yaml",
+        "--input",
+        "painting=sample:vessel",
+    ];
+    let whole = desk.gear(&export).exits(0);
+    assert_eq!(whole.stderr, "");
+    std::fs::remove_dir_all(desk.path("store/contents")).unwrap();
+    desk.gear(&export)
+        .exits(0)
+        .says("are not in the store")
+        .says("known by their digests only")
+        .says("gear run");
+    desk.gear(RUN).exits(0);
+    let mended = desk.gear(&export).exits(0);
+    assert!(
+        !mended.stderr.contains("of this run are not in the store"),
+        "{}",
+        mended.stderr
+    );
+}
+
+#[test]
+fn who_only_asks_makes_no_store() {
+    let desk = small();
+    desk.file("holiday.jpg", "not a picture either");
+    let run = ["small.yaml", "--input", "painting=sample:vessel"];
+    desk.gear(&[&["plan"], &run[..]].concat()).exits(0);
+    desk.gear(&[&["why"], &run[..], &["ratio"]].concat()).exits(0);
+    desk.gear(&["check", "small.yaml"]).exits(0);
+    desk.gear(&["cache", "import", "holiday.jpg"]).exits(2);
+    desk.gear(&["cache", "export", "all.tar"]).exits(2);
+    assert_eq!(desk.listing(""), ["holiday.jpg", "small.yaml"]);
+    assert!(!desk.path("store").exists());
+    // Nor is anything written into one.
+    desk.gear(RUN).exits(0);
+    let stamp = |name: &String| {
+        std::fs::metadata(desk.path("store").join(name))
+            .unwrap()
+            .modified()
+            .unwrap()
+    };
+    let files = || -> Vec<_> {
+        desk.listing("store")
+            .iter()
+            .map(|name| (name.clone(), stamp(name)))
+            .collect()
+    };
+    let before = files();
+    desk.gear(&[&["plan"], &run[..], &["--set", "ratio.radius=0.2"]].concat())
+        .exits(0);
+    desk.gear(&[&["why"], &run[..], &["pyramid"]].concat()).exits(0);
+    desk.gear(&["cache", "stat"]).exits(0);
+    assert_eq!(files(), before);
+}
+
+/// Another user of the machine reads the store, if the folder lets him.
+#[cfg(unix)]
+#[test]
+fn a_store_is_as_readable_as_any_file() {
+    use std::os::unix::fs::PermissionsExt;
+    let desk = small();
+    let gear = desk.command(RUN);
+    let mut shell = std::process::Command::new("sh");
+    shell
+        .args(["-c", "umask 022; exec \"$@\"", "sh"])
+        .arg(gear.get_program())
+        .args(gear.get_args());
+    shell.current_dir(desk.path("")).env("GEAR_STORE", desk.path("store"));
+    gear_tests::Done::from(shell.output().unwrap()).exits(0);
+    for name in desk.listing("store") {
+        let mode = std::fs::metadata(desk.path("store").join(&name))
+            .unwrap()
+            .permissions()
+            .mode();
+        assert_eq!(mode & 0o777, 0o644, "{name}");
+    }
+}

@@ -1,5 +1,6 @@
 //! The arguments.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -12,7 +13,7 @@ Begin with:
 Exit codes:
   0    all is done
   1    a node failed, or a result could not be written
-  2    something in the command or its files must be mended
+  2    something in the command or its files must be mended; nothing was written of what depends on it
   130  interrupted; the next run goes on from what is stored";
 
 /// Turns one classical painting into an explorable 3D Gaussian scene, by running a graph of typed nodes.
@@ -36,6 +37,7 @@ pub enum Command {
     /// Takes the arguments of `gear run` and writes nothing.
     #[command(
         mut_arg("out", |arg| arg.hide(true)),
+        mut_arg("force", |arg| arg.hide(true)),
         mut_arg("quiet", |arg| arg.hide(true)),
         mut_arg("keep_going", |arg| arg.hide(true)),
         mut_arg("fail_fast", |arg| arg.hide(true)),
@@ -47,6 +49,7 @@ pub enum Command {
     /// Takes the arguments of `gear run`, and computes nothing: compares with what the store remembers.
     #[command(
         mut_arg("out", |arg| arg.hide(true)),
+        mut_arg("force", |arg| arg.hide(true)),
         mut_arg("quiet", |arg| arg.hide(true)),
         mut_arg("keep_going", |arg| arg.hide(true)),
         mut_arg("fail_fast", |arg| arg.hide(true)),
@@ -122,7 +125,7 @@ pub struct PlanArgs {
     pub graph: GraphArgs,
     /// Give an input of the graph: a file, or `sample:NAME` for a painting that gear makes itself
     #[arg(long, value_name = "NAME=PATH|sample:NAME")]
-    pub input: Vec<String>,
+    pub input: Vec<OsString>,
     /// Ask for some outputs only
     #[arg(long, value_name = "NAME")]
     pub output: Vec<String>,
@@ -158,7 +161,11 @@ pub struct RunArgs {
     /// Where the files go; made if it is not there
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
-    /// Finish everything that does not depend on a node that failed; this is so unless --fail-fast is given
+    /// Replace files in that folder that no earlier run wrote
+    #[arg(long)]
+    pub force: bool,
+    /// Finish, and write, everything that does not depend on a node that failed or on a file that cannot be used; this
+    /// is so unless --fail-fast is given
     #[arg(long, conflicts_with = "fail_fast")]
     pub keep_going: bool,
     /// Start nothing more once a node has failed
@@ -257,7 +264,7 @@ pub struct ExportArgs {
     pub set: Vec<String>,
     /// As given to that run
     #[arg(long, value_name = "NAME=PATH|sample:NAME", requires = "graph")]
-    pub input: Vec<String>,
+    pub input: Vec<OsString>,
     /// As given to that run
     #[arg(long, value_name = "NAME", requires = "graph")]
     pub output: Vec<String>,

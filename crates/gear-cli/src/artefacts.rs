@@ -35,6 +35,13 @@ impl Artefacts {
         self.store.as_ref()?.get_blob(&key).map(Into::into)
     }
 
+    /// Whether there seems to be one; it is verified when it is taken.
+    pub fn has(&self, kind: &str, of: &Digest) -> bool {
+        let key = key(kind, of);
+        let made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        made.contains_key(&key) || self.store.as_ref().is_some_and(|store| store.has_blob(&key))
+    }
+
     /// Keeps an artefact.
     pub fn put(&self, kind: &str, of: &Digest, bytes: Vec<u8>) -> Arc<[u8]> {
         let key = key(kind, of);
@@ -72,6 +79,7 @@ mod tests {
         let of = Digest::of(b"value");
         Artefacts::new(Some(Arc::new(Store::open(folder.path())))).put("a", &of, vec![9; 10_000]);
         let later = Artefacts::new(Some(Arc::new(Store::open(folder.path()))));
+        assert!(later.has("a", &of) && !later.has("b", &of));
         assert_eq!(later.get("a", &of).as_deref(), Some(&[9; 10_000][..]));
     }
 }

@@ -149,6 +149,12 @@ pub enum CliError {
         /// The file.
         file: PathBuf,
     },
+    /// A result would replace a file that gear did not write.
+    #[error("{}: no earlier run wrote this, and a result would replace it; choose another folder with --out, or replace it with --force", file.display())]
+    Taken {
+        /// The file.
+        file: PathBuf,
+    },
     /// A result could not be written.
     #[error("{}: cannot be written: {cause}; nothing is left under that name", file.display())]
     Write {
@@ -156,6 +162,12 @@ pub enum CliError {
         file: PathBuf,
         /// Why.
         cause: std::io::Error,
+    },
+    /// The system starts not even one thread.
+    #[error("no thread can be started ({cause}); allow more processes (`ulimit -u`) or more memory (`ulimit -v`)")]
+    NoThreads {
+        /// What the system said.
+        cause: String,
     },
     /// Standard output does not take what is written to it.
     #[error("standard output cannot be written: {cause}")]
@@ -179,6 +191,8 @@ impl CliError {
         match self {
             Self::Write { .. } | Self::StandardOutput { .. } | Self::Encode { .. } | Self::Store { .. } => Exit::Failed,
             Self::Run(mistakes) if mistakes.contains(&RunMistake::Interrupted) => Exit::Interrupted,
+            Self::NoThreads { .. } => Exit::Failed,
+            Self::Run(mistakes) if mistakes.iter().any(|m| matches!(m, RunMistake::NoThread { .. })) => Exit::Failed,
             _ => Exit::Mistake,
         }
     }

@@ -74,6 +74,46 @@ impl Folder {
             .collect()
     }
 
+    /// The first of these names under which something stands that no earlier run wrote. What has the very bytes that
+    /// would be written there is in nobody's way.
+    pub fn stranger<'b>(
+        &self,
+        names: &BTreeSet<String>,
+        recorded: &BTreeSet<String>,
+        bytes: &dyn Fn(&str) -> Option<&'b [u8]>,
+    ) -> Option<String> {
+        let mut unknown = names.difference(recorded);
+        let taken = unknown.find(|name| {
+            let path = self.path.join(name);
+            let same = || bytes(name).is_some_and(|bytes| holds(&path, bytes));
+            path.symlink_metadata().is_ok() && !same()
+        });
+        taken.cloned()
+    }
+
+    /// The mistake of asking for results where this file stands.
+    pub fn taken(&self, name: &str) -> CliError {
+        CliError::Taken {
+            file: self.path.join(name),
+        }
+    }
+
+    /// Whether this file stands in the folder.
+    pub fn has(&self, name: &str) -> bool {
+        self.path.join(name).is_file()
+    }
+
+    /// Takes back that names were announced of which nothing was written.
+    pub fn withdraw(&self, recorded: &BTreeSet<String>, announced: &BTreeSet<String>) {
+        if recorded.is_empty() {
+            self.remove([RECORD.to_owned()].iter());
+            // Folders were made for files that never came.
+            for folder in announced.iter().filter_map(|name| Path::new(name).parent()) {
+                let _ = std::fs::remove_dir(self.path.join(folder));
+            }
+        }
+    }
+
     /// Removes these files, and folders that are empty then; how many files are gone. Whatever cannot be removed stays.
     pub fn remove<'n>(&self, names: impl Iterator<Item = &'n String>) -> usize {
         let mut gone = 0;
@@ -156,6 +196,20 @@ mod tests {
         assert!(root.path().join("mine.txt").exists());
         std::fs::write(out.join(RECORD), "no JSON").unwrap();
         assert!(folder.recorded().is_empty());
+    }
+
+    #[test]
+    fn a_file_that_no_run_wrote_is_in_the_way_unless_it_is_the_same() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::probe(root.path()).unwrap();
+        std::fs::write(root.path().join("mine.png"), "mine").unwrap();
+        std::fs::write(root.path().join("same.png"), "same").unwrap();
+        let set = |names: &[&str]| names.iter().map(ToString::to_string).collect::<BTreeSet<_>>();
+        let bytes = |name: &str| (name == "same.png").then_some(&b"same"[..]);
+        let stranger = |names: &[&str], recorded: &[&str]| folder.stranger(&set(names), &set(recorded), &bytes);
+        assert_eq!(stranger(&["mine.png", "new.png"], &[]).as_deref(), Some("mine.png"));
+        assert_eq!(stranger(&["mine.png", "new.png"], &["mine.png"]), None);
+        assert_eq!(stranger(&["new.png", "same.png"], &[]), None);
     }
 
     #[test]

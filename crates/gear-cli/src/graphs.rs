@@ -69,6 +69,12 @@ pub fn library() -> Library {
     Library::holding(shipped().iter().map(|graph| (graph.name, graph.text)))
 }
 
+/// Reads and checks the graph that was asked for, as one whose inputs are given as files; its warnings are the
+/// caller's to show.
+pub fn open_for_files(args: &GraphArgs, registry: &Registry) -> Result<Graph, CliError> {
+    source(args)?.check_for_files(registry).map_err(CliError::Graph)
+}
+
 /// Reads and checks the graph that was asked for; its warnings are the caller's to show.
 pub fn open(args: &GraphArgs, registry: &Registry) -> Result<Graph, CliError> {
     source(args)?.check(registry).map_err(CliError::Graph)

@@ -1,5 +1,7 @@
 //! What is given for the inputs of a graph.
 
+use std::ffi::{OsStr, OsString};
+
 use gear_graph::{Graph, GraphInput, Input, NodeError};
 use gear_image::Image;
 use gear_sample::{Options, Sample};
@@ -10,11 +12,13 @@ use crate::error::CliError;
 const SAMPLE_VERSION: u32 = 1;
 
 /// Reads every `NAME=PATH` and `NAME=sample:NAME`. Whether the graph has such inputs is the run's to say.
-pub fn parse(given: &[String], graph: &Graph) -> Result<Vec<(String, Input)>, CliError> {
+pub fn parse(given: &[OsString], graph: &Graph) -> Result<Vec<(String, Input)>, CliError> {
     let mut inputs: Vec<(String, Input)> = Vec::new();
     for text in given {
-        let form = || CliError::InputForm { given: text.clone() };
-        let (name, value) = text.split_once('=').ok_or_else(form)?;
+        let form = || CliError::InputForm {
+            given: text.to_string_lossy().into_owned(),
+        };
+        let (name, value) = split(text).ok_or_else(form)?;
         if name.is_empty() || value.is_empty() {
             return Err(form());
         }
@@ -22,13 +26,38 @@ pub fn parse(given: &[String], graph: &Graph) -> Result<Vec<(String, Input)>, Cl
             return Err(CliError::InputTwice { name: name.to_owned() });
         }
         let input = graph.inputs().iter().find(|input| input.name == name);
-        let parsed = match (value.strip_prefix("sample:"), input) {
+        let parsed = match (sample_name(value), input) {
             (Some(sample), Some(input)) => sampled(sample, input, working_size(graph, input))?,
             _ => Input::file(value),
         };
         inputs.push((name.to_owned(), parsed));
     }
     Ok(inputs)
+}
+
+/// Name and path of an `--input`. A path may hold any bytes; a name is text.
+pub fn split(given: &OsStr) -> Option<(&str, &OsStr)> {
+    if let Some(text) = given.to_str() {
+        let (name, path) = text.split_once('=')?;
+        return Some((name, OsStr::new(path)));
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::ffi::OsStrExt;
+        let bytes = given.as_bytes();
+        let at = bytes.iter().position(|byte| *byte == b'=')?;
+        let name = std::str::from_utf8(&bytes[..at]).ok()?;
+        Some((name, OsStr::from_bytes(&bytes[at + 1..])))
+    }
+    #[cfg(not(unix))]
+    {
+        None
+    }
+}
+
+/// The sample that is meant by `sample:NAME`.
+pub fn sample_name(path: &OsStr) -> Option<&str> {
+    path.to_str()?.strip_prefix("sample:")
 }
 
 /// The size at which a sample is painted for an input. A picture sets it; a mask follows the graph's first picture, as
@@ -108,7 +137,7 @@ mod tests {
     }
 
     fn parsed(given: &[&str], size: u32) -> Result<Vec<(String, Input)>, CliError> {
-        let given: Vec<String> = given.iter().map(ToString::to_string).collect();
+        let given: Vec<OsString> = given.iter().map(OsString::from).collect();
         parse(&given, &graph(size))
     }
 
@@ -143,6 +172,17 @@ mod tests {
         }
         let twice = parsed(&["painting=a.png", "painting=b.png"], 64).unwrap_err();
         assert!(twice.to_string().contains("more than once"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_path_may_hold_any_bytes() {
+        use std::os::unix::ffi::OsStrExt;
+        let bytes = |bytes: &[u8]| OsStr::from_bytes(bytes).to_owned();
+        let path = bytes(b"a\xff=b.png");
+        let read = parse(&[bytes(b"painting=a\xff=b.png")], &graph(64)).unwrap();
+        assert!(matches!(&read[0].1, Input::File(found) if found.as_os_str() == path));
+        assert!(parse(&[bytes(b"p\xff=a.png")], &graph(64)).is_err(), "a name is text");
     }
 
     #[test]

@@ -15,7 +15,7 @@
 //! | `graphs` | the graphs that are embedded in the binary |
 //! | `commands` | one file a command |
 //! | `inputs` | `--input NAME=PATH` and `sample:NAME` |
-//! | `outputs`, `bundle`, `folder` | values as files, written so that no half file stands under a final name |
+//! | `results`, `outputs`, `bundle`, `folder` | values as files, written so that no half file stands under a final name |
 //! | `artefacts`, `gallery`, `page` | pictures of a run and the page that shows them |
 //! | `scenes` | scenes and cameras given as files |
 //! | `sizes` | bytes and times, as people write them |
@@ -36,6 +36,7 @@ mod outputs;
 mod page;
 mod progress;
 mod registry;
+mod results;
 mod scenes;
 mod sizes;
 mod words;
@@ -46,7 +47,7 @@ pub use registry::registry;
 use std::process::ExitCode;
 
 use clap::Parser;
-use gear_graph::Registry;
+use gear_graph::{Registry, Threads};
 use tracing_subscriber::fmt::format::FmtSpan;
 
 use args::{Arguments, Command};
@@ -61,7 +62,7 @@ pub fn main_with(registry: &Registry) -> ExitCode {
     let console = Console::new();
     log();
     let result = match Arguments::try_parse() {
-        Ok(arguments) => dispatch(&arguments.command, registry, &console),
+        Ok(arguments) => threads().and_then(|()| dispatch(&arguments.command, registry, &console)),
         Err(answer) if answer.use_stderr() => {
             let _ = answer.print();
             Ok(Exit::Mistake)
@@ -86,6 +87,24 @@ pub fn main_with(registry: &Registry) -> ExitCode {
         Exit::Mistake => 2,
         Exit::Interrupted => 130,
     })
+}
+
+/// Starts the threads that work outside of a run, as many as there are cores or as can be started. Left to itself,
+/// their pool would start them at its first use, and panic where it cannot.
+fn threads() -> Result<(), CliError> {
+    let asked = std::env::var("RAYON_NUM_THREADS").ok();
+    let asked = asked
+        .and_then(|number| number.parse().ok())
+        .filter(|number| *number > 0);
+    let wanted = asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let none = |error: std::io::Error| CliError::NoThreads {
+        cause: error.to_string(),
+    };
+    let threads = Threads::start(wanted, "outside", None).map_err(none)?;
+    if let Err(error) = threads.into_global_pool() {
+        tracing::debug!(%error, "the threads outside of runs are somebody else's");
+    }
+    Ok(())
 }
 
 fn dispatch(command: &Command, registry: &Registry, console: &Console) -> Result<Exit, CliError> {

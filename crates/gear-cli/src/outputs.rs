@@ -10,7 +10,7 @@
 //! | Report, Number | `NAME.json` |
 //! | any other | `NAME` with the extension of its encoding |
 
-use gear_graph::AnyValue;
+use gear_graph::{AnyValue, ValueType};
 use gear_image::{Field, Image, Mask};
 use gear_report::picture::Pixels;
 use gear_splat::Views;
@@ -18,7 +18,26 @@ use gear_splat::Views;
 use crate::bundle::File;
 
 /// Raise when the same value gives other files.
-pub const FILES_VERSION: u64 = 1;
+const FILES_VERSION: u64 = 1;
+
+/// Under which name the files of an output are kept in the store.
+pub fn kind(name: &str) -> String {
+    format!("files {FILES_VERSION} {name}")
+}
+
+/// The files that an output of this type will be, as far as its name tells; of views, it does not.
+pub fn foreseen(name: &str, value_type: &ValueType) -> Vec<String> {
+    let named = |extensions: &[&str]| extensions.iter().map(|end| format!("{name}.{end}")).collect();
+    if value_type.is::<Image>() || value_type.is::<Mask>() {
+        named(&["png"])
+    } else if value_type.is::<Field>() {
+        named(&["exr", "png"])
+    } else if value_type.is::<Views>() {
+        Vec::new()
+    } else {
+        named(&[value_type.extension])
+    }
+}
 
 /// The files of one output. Equal values of an output of that name give equal bytes.
 pub fn files(name: &str, value: &AnyValue) -> Result<Vec<File>, String> {
@@ -90,7 +109,12 @@ mod tests {
     use super::*;
 
     fn names(name: &str, value: AnyValue) -> Vec<String> {
-        files(name, &value).unwrap().into_iter().map(|file| file.name).collect()
+        let files = files(name, &value).unwrap();
+        let names: Vec<_> = files.into_iter().map(|file| file.name).collect();
+        if !value.value_type().is::<Views>() {
+            assert_eq!(foreseen(name, &value.value_type()), names);
+        }
+        names
     }
 
     #[test]

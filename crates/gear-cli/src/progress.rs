@@ -26,6 +26,8 @@ pub struct Progress {
     bars: MultiProgress,
     whole: ProgressBar,
     nodes: Mutex<BTreeMap<String, ProgressBar>>,
+    /// Whether bars move by themselves.
+    ticks: bool,
     lines: Option<Mutex<BTreeSet<String>>>,
 }
 
@@ -44,6 +46,8 @@ impl Progress {
             bars,
             whole,
             nodes: Mutex::default(),
+            // Every bar that ticks has a thread, and where none can be started it would panic.
+            ticks: show == Show::Bars && std::thread::Builder::new().spawn(|| ()).is_ok(),
             lines: (show == Show::Lines).then(Mutex::default),
         }
     }
@@ -62,7 +66,9 @@ impl Progress {
                 let bar = self.bars.add(ProgressBar::new(1000));
                 bar.set_style(style("{bar:24.cyan/dim} {prefix}  {wide_msg}"));
                 bar.set_prefix(format!("{node} ({type_name})"));
-                bar.enable_steady_tick(Duration::from_millis(200));
+                if self.ticks {
+                    bar.enable_steady_tick(Duration::from_millis(200));
+                }
                 self.nodes().insert((*node).to_owned(), bar);
             }
             Event::Progress { node, progress } => {

@@ -16,14 +16,18 @@ use super::plan;
 
 pub fn cache(command: &CacheCommand, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
     match command {
-        CacheCommand::Stat { store, format } => stat(&open(store, console)?, *format, console),
+        CacheCommand::Stat { store, format } => stat(&Store::look_at(existing(store)?), *format, console),
         CacheCommand::Gc { store, limit } => gc(&open(store, console)?, *limit, console),
         CacheCommand::Verify { store, repair } => verify(&open(store, console)?, *repair, registry, console),
         CacheCommand::Clear { store } => clear(&open(store, console)?, console),
         CacheCommand::Export(args) => export(args, registry, console),
         CacheCommand::Import { file, store } => {
-            // The only one that may make a store.
-            let store = Store::open(path(store)?);
+            let path = path(store)?;
+            // The only one that may make a store: not for a file that is none.
+            if !Store::exists(&path) {
+                Store::check_archive(file).map_err(CliError::Archive)?;
+            }
+            let store = Store::open(path);
             let archived = store.import(file).map_err(CliError::Archive)?;
             console.result(&format!("{}: {}", store.path().display(), imported(&archived)));
             Ok(Exit::Done)
@@ -36,13 +40,19 @@ fn path(args: &StoreArgs) -> Result<PathBuf, CliError> {
     path.ok_or(CliError::NoStore { path: None })
 }
 
-/// The store, which must be there: a folder that gear did not make is never touched.
-fn open(args: &StoreArgs, console: &Console) -> Result<Store, CliError> {
+/// Where the store is, which must be there: a folder that gear did not make is never touched.
+fn existing(args: &StoreArgs) -> Result<PathBuf, CliError> {
     let path = path(args)?;
-    if !Store::exists(&path) {
-        return Err(CliError::NoStore { path: Some(path) });
+    if Store::exists(&path) {
+        Ok(path)
+    } else {
+        Err(CliError::NoStore { path: Some(path) })
     }
-    let store = Store::open(path);
+}
+
+/// The store, to change it.
+fn open(args: &StoreArgs, console: &Console) -> Result<Store, CliError> {
+    let store = Store::open(existing(args)?);
     for warning in store.warnings() {
         console.warning(&warning);
     }
@@ -180,7 +190,7 @@ fn clear(store: &Store, console: &Console) -> Result<Exit, CliError> {
 }
 
 fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
-    let store = open(&args.store, console)?;
+    let store = Store::look_at(existing(&args.store)?);
     let archived = match &args.graph {
         None => store.export(&args.file).map_err(CliError::Archive)?,
         Some(graph) => {
@@ -212,6 +222,13 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
             archived
         }
     };
+    if archived.lost > 0 {
+        console.warning(&format!(
+            "{} results are known by their digests only and are not in the archive: they were collected or damaged; \
+             `gear run` computes again what it needs of them, to export it",
+            archived.lost
+        ));
+    }
     console.result(&format!(
         "{}: {} records, {} contents ({})",
         args.file.display(),

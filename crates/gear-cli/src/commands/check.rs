@@ -15,7 +15,7 @@ pub fn check(args: &CheckArgs, registry: &Registry, console: &Console) -> Result
     if args.format == CheckFormat::Json {
         return Ok(for_programs(args, registry, console));
     }
-    let graph = graphs::open(&args.graph, registry)?;
+    let graph = graphs::open_for_files(&args.graph, registry)?;
     if !graph.warnings().is_empty() {
         console.remark(graph.warnings().render(console.colour()).trim_end());
     }
@@ -55,7 +55,7 @@ fn for_programs(args: &CheckArgs, registry: &Registry, console: &Console) -> Exi
 /// The files that were read, and the mistakes in them.
 fn checked(source: &GraphSource, registry: &Registry) -> (Vec<String>, Value) {
     let names = |mistakes: &Mistakes| mistakes.files().map(str::to_owned).collect();
-    match source.check(registry) {
+    match source.check_for_files(registry) {
         Ok(graph) => {
             let files = graph.files().iter().map(|file| file.name.clone());
             (files.collect(), graph.warnings().to_json())

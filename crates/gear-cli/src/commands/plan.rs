@@ -1,17 +1,19 @@
 //! `gear plan`: what a run would do. Setting a run up is the same for `gear run`.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use gear_graph::{Graph, PlannedState, Registry, Run, Store};
+use gear_graph::{Digest, Graph, PlannedState, Registry, Run, Store};
 use gear_splat::{Device, Fallback};
 
 use crate::args::PlanArgs;
+use crate::artefacts::Artefacts;
 use crate::console::Console;
 use crate::error::{CliError, Exit};
-use crate::{graphs, inputs};
+use crate::{graphs, inputs, outputs};
 
 pub fn plan(args: &PlanArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
-    let store = open_store(args, console);
+    let store = look_at_store(args, console);
     let graph = open(args, registry, store.as_deref(), console)?;
     let run = set_up(args, &graph, store)?;
     let plan = run.plan().map_err(CliError::Run)?;
@@ -54,8 +56,17 @@ pub fn open(args: &PlanArgs, registry: &Registry, store: Option<&Store>, console
     Ok(graph)
 }
 
-/// The store that the arguments ask for.
+/// The store that the arguments ask for, to work with; it is made if it is not there.
 pub fn open_store(args: &PlanArgs, console: &Console) -> Option<Arc<Store>> {
+    store_path(args, console).map(|path| Arc::new(Store::open(path)))
+}
+
+/// The same, to look at: nothing is made and nothing is written.
+pub fn look_at_store(args: &PlanArgs, console: &Console) -> Option<Arc<Store>> {
+    store_path(args, console).map(|path| Arc::new(Store::look_at(path)))
+}
+
+fn store_path(args: &PlanArgs, console: &Console) -> Option<PathBuf> {
     if args.no_cache {
         return None;
     }
@@ -63,7 +74,7 @@ pub fn open_store(args: &PlanArgs, console: &Console) -> Option<Arc<Store>> {
     if path.is_none() {
         console.warning("there is no cache folder here; give one with --store DIR, or nothing is kept");
     }
-    path.map(|path| Arc::new(Store::open(path)))
+    path
 }
 
 /// The run that the arguments ask for.
@@ -90,7 +101,12 @@ pub fn set_up<'g>(args: &PlanArgs, graph: &'g Graph, store: Option<Arc<Store>>) 
         run = run.cache_nondeterministic();
     }
     Ok(match store {
-        Some(store) => run.store(store),
+        Some(store) => {
+            // A value that the store lost is computed again only where its files are lost as well.
+            let files = Artefacts::new(Some(Arc::clone(&store)));
+            let lacks_files = move |output: &str, digest: &Digest| !files.has(&outputs::kind(output), digest);
+            run.store(store).with_values_where(lacks_files)
+        }
         None => run,
     })
 }

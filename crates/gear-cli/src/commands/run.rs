@@ -1,30 +1,26 @@
 //! `gear run`: runs a graph and writes what it puts out.
 //!
 //! The order matters. Everything that can be wrong with what was asked for is found before anything runs and before
-//! anything is written; a file that cannot be decoded is found while it is loaded, and then nothing is written either.
+//! anything is written. A file that cannot be decoded is found only while it is loaded: what does not depend on it is
+//! finished and written all the same, and where nothing is left, nothing is written at all.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use gear_graph::{Event, FailureKind, Outcome, Registry, Report, RunReport, RunStatus};
+use gear_graph::{Cancel, Event, FailureKind, Graph, Registry, RunReport, RunStatus};
 
 use crate::args::RunArgs;
 use crate::artefacts::Artefacts;
-use crate::bundle::{self, File};
 use crate::console::Console;
 use crate::error::{CliError, Exit};
 use crate::folder::{Folder, RECORD};
 use crate::gallery::Gallery;
-use crate::outputs;
-use crate::page::{Sources, page};
+use crate::inputs;
 use crate::progress::{Progress, Show};
+use crate::results::{PAGE, Place, Results, foreseen};
 
 use super::plan::{open, open_store, set_up};
-
-/// The page.
-const PAGE: &str = "report.html";
 
 pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
     let store = open_store(&args.run, console);
@@ -32,7 +28,8 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
     let mut run = set_up(&args.run, &graph, store.clone())?;
     let folder = Folder::probe(&args.out)?;
     spare_what_is_read(&folder, args, &graph)?;
-    let artefacts = Arc::new(Artefacts::new(store));
+    spare_what_is_there(&folder, args, &graph)?;
+    let artefacts = Arc::new(Artefacts::new(store.clone()));
     let gallery = Arc::new(Gallery::open(Arc::clone(&artefacts)));
     let progress = Arc::new(Progress::new(how_to_show(args.quiet, console)));
 
@@ -51,54 +48,82 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
         run = run.memory_limit(limit);
     }
     let interrupted = interruption();
-    let run = run.cancel(Arc::clone(&interrupted)).observer(Arc::new(observer));
-    let outcome = run.go().map_err(CliError::Run)?;
+    let run = run.cancel(interrupted.clone()).observer(Arc::new(observer));
+    let mut outcome = run.go().map_err(CliError::Run)?;
     progress.finish();
     gallery.finish();
 
-    let report = &outcome.report;
-    for failure in &report.failures {
+    for failure in &outcome.report.failures {
         console.failure(&failure.to_string());
     }
-    let bad_input = report.failures.iter().any(|failure| failure.kind == FailureKind::Load);
-    if bad_input {
-        return Ok(Exit::Mistake);
-    }
+    let bad_input = outcome
+        .report
+        .failures
+        .iter()
+        .any(|failure| failure.kind == FailureKind::Load);
     let stopped = || {
         console.remark("interrupted; what was computed is kept, and the next run goes on from there");
         Ok(Exit::Interrupted)
     };
-    if report.status == RunStatus::Interrupted {
+    if outcome.report.status == RunStatus::Interrupted {
         return stopped();
     }
-    match write(&folder, &outcome, &artefacts, &gallery, &graph, console) {
-        // A value that the store had lost was being computed again.
-        Err(CliError::Encode { .. }) if interrupted.load(Ordering::Relaxed) => return stopped(),
-        written => written?,
+    let told = outcome.report.failures.len();
+    let results = Results::gather(&mut outcome, &artefacts);
+    for failure in &outcome.report.failures[told..] {
+        console.failure(&failure.to_string());
+    }
+    // A value that the store had lost was being computed again.
+    if !results.all_made() && interrupted.is_raised() {
+        return stopped();
+    }
+    if bad_input && results.is_empty() {
+        return Ok(Exit::Mistake);
+    }
+    let place = Place {
+        folder: &folder,
+        force: args.force,
+        console,
+    };
+    let missing = results.write(&place, &outcome.report, &graph, &gallery)?;
+    for error in &missing {
+        console.error(error);
+    }
+    if let Some(store) = &store {
+        // Pictures and files that were made just now; another process may have locked the store's folder.
+        store.flush_unless(&|| interrupted.is_raised());
+        for warning in store.warnings() {
+            console.warning(&warning);
+        }
     }
     if !args.quiet {
-        console.remark(&summary(report));
+        console.remark(&summary(&outcome.report));
     }
-    Ok(if report.status == RunStatus::Done {
-        Exit::Done
-    } else {
-        Exit::Failed
+    Ok(match (bad_input, outcome.report.status) {
+        (true, _) => Exit::Mistake,
+        (false, RunStatus::Done) if missing.is_empty() => Exit::Done,
+        (false, _) => Exit::Failed,
     })
 }
 
+/// Whether an output is asked for.
+fn wanted(args: &RunArgs) -> impl Fn(&str) -> bool {
+    let asked = &args.run.output;
+    move |name| asked.is_empty() || asked.iter().any(|output| output == name)
+}
+
 /// Refuses to write results over the files that the run reads.
-fn spare_what_is_read(folder: &Folder, args: &RunArgs, graph: &gear_graph::Graph) -> Result<(), CliError> {
-    let given = &args.run;
-    let files = given.input.iter().filter_map(|input| Some(input.split_once('=')?.1));
-    let files = files.filter(|file| !file.starts_with("sample:"));
-    let wanted = |name: &str| given.output.is_empty() || given.output.iter().any(|output| output == name);
+fn spare_what_is_read(folder: &Folder, args: &RunArgs, graph: &Graph) -> Result<(), CliError> {
+    let files = args.run.input.iter().filter_map(|input| Some(inputs::split(input)?.1));
+    let files = files.filter(|file| inputs::sample_name(file).is_none());
+    let wanted = wanted(args);
     let names: BTreeSet<&str> = graph
         .outputs()
         .iter()
         .map(|o| o.name.as_str())
         .filter(|o| wanted(o))
         .collect();
-    for file in files.chain([given.graph.graph.as_str()]) {
+    for file in files.chain([args.run.graph.graph.as_ref()]) {
         if let Some(name) = folder.name_of(Path::new(file))
             && (name == RECORD || name == PAGE || names.contains(name.split(['.', '/']).next().unwrap_or_default()))
         {
@@ -113,6 +138,18 @@ fn spare_what_is_read(folder: &Folder, args: &RunArgs, graph: &gear_graph::Graph
     Ok(())
 }
 
+/// Refuses to write results over files that no run wrote, as far as their names are known already.
+fn spare_what_is_there(folder: &Folder, args: &RunArgs, graph: &Graph) -> Result<(), CliError> {
+    if args.force {
+        return Ok(());
+    }
+    let names = foreseen(graph, wanted(args));
+    match folder.stranger(&names, &folder.recorded(), &|_| None) {
+        Some(file) => Err(folder.taken(&file)),
+        None => Ok(()),
+    }
+}
+
 fn how_to_show(quiet: bool, console: &Console) -> Show {
     match (quiet, console.interactive()) {
         (true, _) => Show::Nothing,
@@ -121,19 +158,19 @@ fn how_to_show(quiet: bool, console: &Console) -> Show {
     }
 }
 
-/// A flag that the first Ctrl-C sets. The second ends the process.
-fn interruption() -> Arc<AtomicBool> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&flag);
+/// What the first Ctrl-C raises. The second ends the process.
+fn interruption() -> Cancel {
+    let cancel = Cancel::new();
+    let raised = cancel.clone();
     let installed = ctrlc::set_handler(move || {
-        if raised.swap(true, Ordering::Relaxed) {
+        if raised.raise() {
             std::process::exit(130);
         }
     });
     if let Err(error) = installed {
         tracing::warn!(%error, "Ctrl-C will end the process at once");
     }
-    flag
+    cancel
 }
 
 /// What people should hear while the run goes on.
@@ -144,97 +181,6 @@ fn tell(event: &Event<'_>, progress: &Progress) {
         Event::Note { node, note } => progress.between(|| console.note(&format!("{node}: {note}"))),
         _ => {}
     }
-}
-
-/// Writes the outputs, the record and the page; tells their names.
-fn write(
-    folder: &Folder,
-    outcome: &Outcome<'_>,
-    artefacts: &Artefacts,
-    gallery: &Gallery,
-    graph: &gear_graph::Graph,
-    console: &Console,
-) -> Result<(), CliError> {
-    let earlier = folder.recorded();
-    let mut reports = BTreeMap::new();
-    let mut written = Vec::new();
-    let mut names = BTreeSet::from([RECORD.to_owned(), PAGE.to_owned()]);
-    for output in &outcome.report.outputs {
-        let Some(digest) = outcome.digest(&output.name) else {
-            continue;
-        };
-        let encode_error = |cause: String| CliError::Encode {
-            output: output.name.clone(),
-            cause,
-        };
-        let kind = format!("files {} {}", outputs::FILES_VERSION, output.name);
-        let files = match artefacts.get(&kind, &digest).and_then(|packed| bundle::unpack(&packed)) {
-            Some(files) => files,
-            None => {
-                let value = outcome
-                    .value(&output.name)
-                    .ok_or_else(|| encode_error("its value was lost and could not be computed again".to_owned()))?;
-                let files = outputs::files(&output.name, &value).map_err(encode_error)?;
-                artefacts.put(&kind, &digest, bundle::pack(&files));
-                files
-            }
-        };
-        if output.type_name == "Report"
-            && let Some(file) = files.first()
-            && let Ok(report) = serde_json::from_slice(&file.bytes)
-        {
-            reports.insert(output.name.clone(), report);
-        }
-        let mut paths = Vec::new();
-        for file in &files {
-            names.insert(file.name.clone());
-            paths.push(folder.write(file)?);
-        }
-        // The views of one output are one result.
-        match paths.first().and_then(|first| first.parent()) {
-            Some(parent) if output.type_name == "Views" => written.push(parent.to_path_buf()),
-            _ => written.append(&mut paths),
-        }
-    }
-    // A run that failed takes nothing away; what it leaves standing is still gear's to remove later.
-    let stale: BTreeSet<String> = earlier.difference(&names).cloned().collect();
-    if outcome.report.status == RunStatus::Done {
-        let gone = folder.remove(stale.iter());
-        if gone > 0 {
-            console.note(&format!("{gone} files of an earlier run were removed from the folder"));
-        }
-    } else {
-        names.extend(stale);
-    }
-    written.push(folder.write(&File::new(RECORD, record(&outcome.report, &names)?))?);
-    let page = page(&Sources {
-        report: &outcome.report,
-        graph,
-        gallery,
-        reports: &reports,
-    });
-    let html = page.render().map_err(|error| CliError::Encode {
-        output: PAGE.to_owned(),
-        cause: error.to_string(),
-    })?;
-    written.push(folder.write(&File::new(PAGE, html.into_bytes()))?);
-    for path in written {
-        console.result(&path.display().to_string());
-    }
-    Ok(())
-}
-
-/// `run.json`: the report of the run, and the files that gear wrote into the folder.
-fn record(report: &RunReport, files: &BTreeSet<String>) -> Result<Vec<u8>, CliError> {
-    let encode = || {
-        let mut record = Report::new(report)?;
-        record.0["files"] = files.iter().map(String::as_str).collect();
-        gear_graph::Value::encode(&record)
-    };
-    encode().map_err(|error| CliError::Encode {
-        output: RECORD.to_owned(),
-        cause: error.to_string(),
-    })
 }
 
 /// One line: how long, what ran, what came from the store.

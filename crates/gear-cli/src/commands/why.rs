@@ -6,10 +6,10 @@ use crate::args::{TextFormat, WhyArgs};
 use crate::console::Console;
 use crate::error::{CliError, Exit};
 
-use super::plan::{open, open_store, set_up};
+use super::plan::{look_at_store, open, set_up};
 
 pub fn why(args: &WhyArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
-    let store = open_store(&args.run.run, console);
+    let store = look_at_store(&args.run.run, console);
     let graph = open(&args.run.run, registry, store.as_deref(), console)?;
     let run = set_up(&args.run.run, &graph, store.clone())?;
     let whys = run.why(&args.node).map_err(CliError::Run)?;
