@@ -84,3 +84,23 @@ outputs:
     desk.gear(&[&run[..], &["--out", "small"]].concat()).exits(0);
     assert_eq!(desk.listing("small"), desk.listing("out"));
 }
+
+/// On a disk without room for anything, each result is told of, and what was there before is there still.
+#[cfg(unix)]
+#[test]
+fn where_nothing_fits_nothing_changes() {
+    let desk = Desk::new();
+    desk.file("graph.yaml", crate::SMALL);
+    let run = ["run", "graph.yaml", "--input", "painting=sample:vessel"];
+    desk.gear(&run).exits(0);
+    let before = crate::outputs_in(&desk.path("out"));
+    let record = std::fs::read(desk.path("out/run.json")).unwrap();
+    let other = [&run[..], &["--set", "painting.size=96"]].concat();
+    limited(&desk, 1, &other)
+        .exits(1)
+        .says("edges.exr: cannot be written")
+        .says("ratio.exr: cannot be written")
+        .says("enhanced.png: cannot be written");
+    assert!(crate::outputs_in(&desk.path("out")) == before);
+    assert_eq!(std::fs::read(desk.path("out/run.json")).unwrap(), record);
+}

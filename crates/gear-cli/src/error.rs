@@ -156,7 +156,7 @@ pub enum CliError {
         file: PathBuf,
     },
     /// A result could not be written.
-    #[error("{}: cannot be written: {cause}; nothing is left under that name", file.display())]
+    #[error("{}: cannot be written: {cause}; no half of it stands under that name", file.display())]
     Write {
         /// The file.
         file: PathBuf,

@@ -103,14 +103,22 @@ impl Folder {
         self.path.join(name).is_file()
     }
 
-    /// Takes back that names were announced of which nothing was written.
-    pub fn withdraw(&self, recorded: &BTreeSet<String>, announced: &BTreeSet<String>) {
-        if recorded.is_empty() {
-            self.remove([RECORD.to_owned()].iter());
-            // Folders were made for files that never came.
-            for folder in announced.iter().filter_map(|name| Path::new(name).parent()) {
-                let _ = std::fs::remove_dir(self.path.join(folder));
-            }
+    /// The bytes of a file in the folder, if it is there.
+    pub fn bytes(&self, name: &str) -> Option<Vec<u8>> {
+        std::fs::read(self.path.join(name)).ok()
+    }
+
+    /// Takes back that names were announced of which nothing was written: the record is what it was before.
+    pub fn withdraw(&self, before: Option<Vec<u8>>, announced: &BTreeSet<String>) {
+        // What cannot be taken back stays announced, which costs nobody anything.
+        let _ = match before {
+            Some(bytes) => self.write(&File::new(RECORD, bytes)).is_ok(),
+            None => self.remove([RECORD.to_owned()].iter()) > 0,
+        };
+        // Folders were made for files that never came.
+        let folders = announced.iter().filter_map(|name| Path::new(name).parent());
+        for folder in folders.filter(|folder| !folder.as_os_str().is_empty()) {
+            let _ = std::fs::remove_dir(self.path.join(folder));
         }
     }
 

@@ -93,7 +93,7 @@ impl Results {
     /// Writes everything and tells the names; gives back why outputs are missing.
     ///
     /// # Errors
-    /// When nothing was written, or not the record or the page.
+    /// When a file is in the way, and when not even the announcement can be written. Nothing is written then.
     pub fn write(
         self,
         place: &Place<'_>,
@@ -108,6 +108,7 @@ impl Results {
         if !force && let Some(file) = folder.stranger(&names, &earlier, &|name| self.bytes_of(name)) {
             return Err(folder.taken(&file));
         }
+        let before = folder.bytes(RECORD);
         if !names.is_subset(&earlier) {
             let announced = json!({"status": "writing", "files": names.union(&earlier).collect::<Vec<_>>()});
             folder.write(&File::new(RECORD, announced.to_string().into_bytes()))?;
@@ -142,9 +143,8 @@ impl Results {
             }
         }
         if written.is_empty() && !missing.is_empty() {
-            folder.withdraw(&earlier, &names);
-            let (_, error) = missing.swap_remove(0);
-            return Err(error);
+            folder.withdraw(before, &names);
+            return Ok(missing.into_iter().map(|(_, error)| error).collect());
         }
 
         // A run that failed takes nothing away; what it leaves standing is still gear's to remove later.
@@ -158,8 +158,14 @@ impl Results {
             names.extend(stale);
         }
         names.retain(|name| name == RECORD || name == PAGE || folder.has(name));
-        let record = record(report, &names, &missing)?;
-        written.push(folder.write(&File::new(RECORD, record))?);
+        let record = record(report, &names, &missing);
+        let mut add = |name: &str, bytes: Result<Vec<u8>, CliError>| match bytes
+            .and_then(|bytes| folder.write(&File::new(name, bytes)))
+        {
+            Ok(path) => written.push(path),
+            Err(error) => missing.push((name.to_owned(), error)),
+        };
+        add(RECORD, record);
         let page = page(&Sources {
             report,
             graph,
@@ -169,8 +175,8 @@ impl Results {
         let html = page.render().map_err(|error| CliError::Encode {
             output: PAGE.to_owned(),
             cause: error.to_string(),
-        })?;
-        written.push(folder.write(&File::new(PAGE, html.into_bytes()))?);
+        });
+        add(PAGE, html.map(String::into_bytes));
         for path in written {
             console.result(&path.display().to_string());
         }

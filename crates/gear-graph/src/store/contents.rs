@@ -38,6 +38,9 @@ pub fn prepare(root: &Path) -> io::Result<()> {
     // Collecting garbage in somebody's folder of that name would be a disaster. The tag is written first: whoever sees
     // folders of a store that is being made sees its tag too.
     if !is_store(root) {
+        if root.is_file() {
+            return Err(io::Error::other("it is a file, not a folder"));
+        }
         for name in ["contents", "tmp"] {
             if root.join(name).exists() && !is_store(root) {
                 return Err(io::Error::other(format!(

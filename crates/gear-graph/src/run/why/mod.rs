@@ -248,7 +248,7 @@ impl Explainer<'_> {
                     port: port.to_string(),
                     source: graph.slot_name(wire.from),
                     certain,
-                    begins: certain.then(|| self.begins(wire.from)).unwrap_or_default(),
+                    begins: if certain { self.begins(wire.from) } else { Vec::new() },
                 });
             }
         }
