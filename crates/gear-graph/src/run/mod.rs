@@ -205,6 +205,9 @@ impl<'g> Run<'g> {
     }
 }
 
+/// Whether somebody needs the value of the output with this name and digest.
+type Wants = dyn Fn(&str, &Digest) -> bool + Send + Sync;
+
 /// Which outputs' values a run must be able to give afterwards, and not only their digests.
 #[derive(Clone)]
 pub(crate) enum Values {
@@ -213,7 +216,7 @@ pub(crate) enum Values {
     /// All.
     All,
     /// Those of this name and digest.
-    Where(Arc<dyn Fn(&str, &Digest) -> bool + Send + Sync>),
+    Where(Arc<Wants>),
 }
 
 #[cfg(test)]
