@@ -21,7 +21,7 @@ pub use gear_graph_derive::{Choice, Inputs, Outputs, Params};
 pub use graph::{Graph, GraphFile, GraphInput, GraphNode, GraphOutput, GraphSource, Library, Mistakes, Unreadable};
 pub use node::{
     Context, Demand, FileSource, InputField, Inputs, Known, Lazy, Loader, Node, NodeError, Numerics, OutputField,
-    Outputs, PortSpec, Progress, Resources, Slot, Slots, Want, Wanted,
+    Outputs, PortSpec, Progress, Resources, Slot, Slots, Unfinished, Want, Wanted,
 };
 pub use params::{
     Bound, Fields, Limits, OrAuto, Param, ParamKind, ParamSpec, ParamValue, ParamValues, Params, Problem, Reader,

@@ -2,7 +2,9 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
+use super::unfinished::{Keeping, Unfinished};
 use crate::{NodeError, Resources};
 
 /// How far a node has come.
@@ -28,6 +30,7 @@ pub struct Context {
     resources: Resources,
     /// Called whenever the node shows that it is alive.
     pulse: Option<Arc<Pulse>>,
+    unfinished: Option<Keeping>,
 }
 
 impl Context {
@@ -45,6 +48,7 @@ impl Context {
             seed,
             resources: Resources::default(),
             pulse: None,
+            unfinished: None,
         }
     }
 
@@ -64,6 +68,35 @@ impl Context {
     /// What the run lends.
     pub fn resources(&self) -> &Resources {
         &self.resources
+    }
+
+    /// The same context with a place for the state of an unfinished action, which is written at most once in `every`.
+    pub fn with_unfinished(self, place: Arc<dyn Unfinished>, every: Duration) -> Self {
+        Self {
+            unfinished: Some(Keeping::new(place, every)),
+            ..self
+        }
+    }
+
+    /// What [`Context::keep_unfinished`] kept last in an earlier run of this very action (the same node, version,
+    /// parameters and inputs) that did not end.
+    pub fn unfinished(&self) -> Option<Vec<u8>> {
+        self.unfinished.as_ref()?.last()
+    }
+
+    /// Keeps the state of this action, for a later run of it if this one is interrupted. `state` is asked for only every
+    /// few seconds. A node that goes on from a state must give the same bits as one that was never interrupted.
+    pub fn keep_unfinished(&self, state: &dyn Fn() -> Vec<u8>) {
+        if let Some(unfinished) = &self.unfinished {
+            unfinished.keep(state);
+        }
+    }
+
+    /// The action is done.
+    pub(crate) fn forget_unfinished(&self) {
+        if let Some(unfinished) = &self.unfinished {
+            unfinished.forget();
+        }
     }
 
     /// Reports progress: the share done (0 to 1).
@@ -138,6 +171,37 @@ mod tests {
         assert!(ctx.checkpoint().is_ok());
         flag.store(true, Ordering::Relaxed);
         assert!(matches!(ctx.checkpoint(), Err(NodeError::Cancelled)));
+    }
+
+    #[derive(Default)]
+    struct InMemory(Mutex<Option<Vec<u8>>>);
+
+    impl Unfinished for InMemory {
+        fn last(&self) -> Option<Vec<u8>> {
+            self.0.lock().unwrap().clone()
+        }
+
+        fn keep(&self, state: &[u8]) {
+            *self.0.lock().unwrap() = Some(state.to_vec());
+        }
+
+        fn forget(&self) {
+            *self.0.lock().unwrap() = None;
+        }
+    }
+
+    #[test]
+    fn a_state_is_kept_until_the_action_is_done_and_not_too_often() {
+        let place = Arc::new(InMemory::default());
+        let ctx = |every| Context::detached().with_unfinished(Arc::clone(&place) as Arc<dyn Unfinished>, every);
+        let patient = ctx(Duration::from_secs(3600));
+        patient.keep_unfinished(&|| panic!("it is too early to keep anything"));
+        let eager = ctx(Duration::ZERO);
+        eager.keep_unfinished(&|| vec![1, 2]);
+        assert_eq!(patient.unfinished(), Some(vec![1, 2]));
+        eager.forget_unfinished();
+        assert_eq!(ctx(Duration::ZERO).unfinished(), None);
+        assert_eq!(Context::detached().unfinished(), None);
     }
 
     #[test]

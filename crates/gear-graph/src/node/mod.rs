@@ -5,6 +5,7 @@ mod demand;
 mod error;
 mod ports;
 mod resources;
+mod unfinished;
 
 pub use context::{Context, Progress};
 pub(crate) use demand::KnownPort;
@@ -13,6 +14,7 @@ pub use error::NodeError;
 pub(crate) use ports::NOT_DEMANDED;
 pub use ports::{InputField, Inputs, Lazy, OutputField, Outputs, PortSpec, Slot, Slots, Want, Wanted};
 pub use resources::Resources;
+pub use unfinished::Unfinished;
 
 use std::path::{Path, PathBuf};
 

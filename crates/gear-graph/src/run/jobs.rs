@@ -136,6 +136,9 @@ impl Job {
                 let started = Instant::now();
                 let outputs = caught(|| node.run(&mut inputs, &want, ctx));
                 let seconds = started.elapsed().as_secs_f64();
+                if outputs.is_ok() {
+                    ctx.forget_unfinished();
+                }
                 drop(inputs);
                 let mut cost = StoreCost::default();
                 let result = outputs.and_then(|mut outputs| {

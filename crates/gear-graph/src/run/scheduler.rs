@@ -48,6 +48,7 @@ use super::observe::Event;
 use super::outcome::{self, Outcome};
 use super::threads::Threads;
 use super::{Run, keys, memory};
+use crate::store::UnfinishedAction;
 use crate::{Context, Progress, Store};
 
 /// How often a flag is looked at that nobody rings for.
@@ -61,6 +62,8 @@ const KEEP_FIRST: usize = 256 << 20;
 /// Bytes of records that are gathered before they are appended to the log, and how long they may wait.
 const FLUSH_BYTES: usize = 1 << 18;
 const FLUSH_AFTER: Duration = Duration::from_millis(200);
+/// How often a node that takes long may keep its unfinished state: a few dozen MB, so a few hundredths of the time.
+const KEEP_UNFINISHED_EVERY: Duration = Duration::from_secs(5);
 
 /// What the coordinator wakes for.
 enum Message {
@@ -409,9 +412,16 @@ impl Scheduler<'_> {
             }) as Arc<dyn Fn(Progress) + Send + Sync>
         });
         let memory = Arc::clone(&self.memory);
-        Context::new(cancelled, listener, seed)
+        let ctx = Context::new(cancelled, listener, seed)
             .with_resources(self.run.resources.clone())
-            .with_pulse(Arc::new(move || memory.pulse()))
+            .with_pulse(Arc::new(move || memory.pulse()));
+        match (&self.run.store, self.machine.unfinished_key(*slot)) {
+            (Some(store), Some(key)) => {
+                let place = UnfinishedAction::new(Arc::clone(store), &key);
+                ctx.with_unfinished(Arc::new(place), KEEP_UNFINISHED_EVERY)
+            }
+            _ => ctx,
+        }
     }
 
     fn back(&mut self, number: u64, back: Back) {

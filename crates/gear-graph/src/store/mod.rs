@@ -48,6 +48,7 @@ mod log;
 mod origin;
 mod record;
 mod stat;
+mod unfinished;
 mod verify;
 
 use std::io;
@@ -60,6 +61,7 @@ pub use gc::Collected;
 pub(crate) use origin::{Origin, Parts, PortPart};
 pub(crate) use record::{Content, Done, Need, Record};
 pub use stat::{StoreStat, TypeStat};
+pub(crate) use unfinished::UnfinishedAction;
 pub use verify::Verified;
 
 use crate::{AnyValue, Digest, Hasher, ValueType};
@@ -366,6 +368,21 @@ impl Store {
         match self.lookup(&blob_key(key)) {
             Some(Record::Blob { content, .. }) => self.contents.exists(&content),
             _ => false,
+        }
+    }
+
+    /// As [`Store::put_blob`]; what was kept under the key before, and nowhere else, goes.
+    pub(crate) fn replace_blob(&self, key: &Digest, bytes: &[u8]) {
+        let before = self.lookup(&blob_key(key));
+        self.put_blob(key, bytes);
+        let now = self.lookup(&blob_key(key));
+        if let (Some(Record::Blob { content: before, .. }), Some(Record::Blob { content: now, .. })) = (before, now)
+            && before != now
+            && let Content::File { bytes, .. } = before
+        {
+            self.contents.remove(&before);
+            let mut inner = self.inner();
+            inner.bytes = inner.bytes.saturating_sub(bytes);
         }
     }
 

@@ -66,6 +66,15 @@ impl Machine<'_> {
         None
     }
 
+    /// The key under which the unfinished state of a node that is about to run may be kept; `None` if what it gives is not
+    /// to be stored, or not to be taken from the store.
+    pub fn unfinished_key(&self, slot: u32) -> Option<Digest> {
+        let site = self.site_of(slot);
+        self.graph.node_at(site)?;
+        let wanted = self.cacheable(slot) && !self.run.fresh.contains(self.graph.site_name(site));
+        wanted.then_some(self.slots[slot as usize].key)?
+    }
+
     /// A node (or a loader) has run.
     pub fn ran(
         &mut self,
