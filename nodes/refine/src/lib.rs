@@ -8,8 +8,12 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use gear_graph::{Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Resources, Want, Wanted};
-use gear_splat::refine::{Rates, RefineError, RefineOptions, Refined, Status, Step, refine_on};
+use gear_graph::{
+    Choice, Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Resources, Want, Wanted,
+};
+use gear_splat::refine::{
+    self, Checkpoints, Generations, Prune, Rates, RefineError, RefineOptions, Refined, Status, Step,
+};
 use gear_splat::{Device, Scene, Views};
 use serde_json::{Value, json};
 
@@ -19,6 +23,10 @@ pub struct Refine {
     /// Steps in which only colours move.
     #[param(default = 30, range = 0..=100_000)]
     pub color_iterations: u32,
+
+    /// How the colours move in these steps.
+    #[param(default = ColorSolver::Adam)]
+    pub color_solver: ColorSolver,
 
     /// Steps in which everything moves.
     #[param(default = 270, range = 0..=100_000)]
@@ -56,9 +64,45 @@ pub struct Refine {
     #[param(default = 0.002, range = 0.0..=1e30)]
     pub anchor_color: f64,
 
-    /// Factor of all step sizes.
-    #[param(default = 1.0, above = 0.0, range = 0.0..=1000.0)]
+    /// How firmly the anchor holds the scene as it came, as a factor of all its weights.
+    #[param(default = 1.0, range = 0.0..=1e6)]
+    pub generation_first: f64,
+
+    /// The same of Gaussians that a densification makes.
+    #[param(default = 0.1, range = 0.0..=1e6)]
+    pub generation_newborn: f64,
+
+    /// By this much each later densification makes every Gaussian firmer.
+    #[param(default = 1.3, range = 1.0..=1e3)]
+    pub generation_multiplier: f64,
+
+    /// The firmness at which that ends.
+    #[param(default = 10.0, range = 0.0..=1e6)]
+    pub generation_most: f64,
+
+    /// Factor of all step sizes. 0 keeps the scene as it is.
+    #[param(default = 1.0, range = 0.0..=1000.0)]
     pub rate: f64,
+
+    /// Step size of centres, in typical surfels. An attribute with the step 0 is frozen and costs nothing.
+    #[param(default = 0.02, range = 0.0..=1000.0)]
+    pub rate_center: f64,
+
+    /// Step size of rotations (quaternions).
+    #[param(default = 2e-3, range = 0.0..=1000.0)]
+    pub rate_rotation: f64,
+
+    /// Step size of the logarithms of scales.
+    #[param(default = 0.04, range = 0.0..=1000.0)]
+    pub rate_scale: f64,
+
+    /// Step size of the logits of opacities.
+    #[param(default = 0.05, range = 0.0..=1000.0)]
+    pub rate_opacity: f64,
+
+    /// Step size of SH coefficients; those of higher degrees step at a twentieth.
+    #[param(default = 0.1, range = 0.0..=1000.0)]
+    pub rate_color: f64,
 
     /// Steps between looks at the loss on all views.
     #[param(default = 25, range = 1..=100_000)]
@@ -67,6 +111,50 @@ pub struct Refine {
     /// A phase ends when the loss fell by less than this share between two looks.
     #[param(default = 1e-4, range = 0.0..=1.0)]
     pub tolerance: f64,
+
+    /// Whether Gaussians are added where the loss asks for them.
+    #[param(default = Densify::Never)]
+    pub densify: Densify,
+
+    /// Gaussians with less opacity are left out of the result.
+    #[param(default = 0.0, range = 0.0..=1.0)]
+    pub prune_opacity: f64,
+
+    /// Leaves out of the result what no target sees, as long as no pixel of them changes by more than 1/255. The back of a
+    /// scene that is looked at from the front is lost.
+    #[param(default = false)]
+    pub prune_unseen: bool,
+}
+
+/// How the colours of fixed shapes are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum ColorSolver {
+    /// Adam, a few views a step.
+    Adam,
+    /// Conjugate gradients on all views in every step: slower, and as far down as the loss goes.
+    ConjugateGradients,
+}
+
+/// When Gaussians are added. In YAML: `densify: never`, `densify: strained`, `densify: {strained: {share: 0.02}}`.
+#[derive(Clone, Copy, Debug, PartialEq, Choice)]
+pub enum Densify {
+    /// Their number stays.
+    Never,
+    /// Those that the loss pulls about most on the screen get a twin, or are split if they are large.
+    Strained {
+        /// Steps between densifications.
+        #[param(default = 50, range = 1..=100_000)]
+        every: u32,
+        /// Share of all steps after which there is none any more.
+        #[param(default = 0.6, range = 0.0..=1.0)]
+        until: f64,
+        /// Share of the Gaussians that is densified each time.
+        #[param(default = 0.01, range = 0.0..=1.0)]
+        share: f64,
+        /// Largest number of Gaussians.
+        #[param(default = 1_000_000, range = 0..=100_000_000)]
+        most: u32,
+    },
 }
 
 /// Input ports.
@@ -89,7 +177,7 @@ pub struct Out {
 
 impl Node for Refine {
     const NAME: &str = "Refine";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     type Inputs = In;
     type Outputs = Out;
 
@@ -105,7 +193,8 @@ impl Node for Refine {
             ctx.note(format!("{dropped} Gaussians were not finite and are left out"));
         }
         let device = Device::lent(ctx.resources());
-        let refined = refine_on(&device, &valid, &targets, &self.options(), &mut |step| {
+        let mut kept = Kept(ctx);
+        let refined = refine::refine_resuming(&device, &valid, &targets, &self.options(), &mut kept, &mut |step| {
             observe(step, ctx)
         });
         let refined = refined.map_err(|error| match error {
@@ -125,9 +214,12 @@ impl Node for Refine {
 
 impl Refine {
     fn options(&self) -> RefineOptions {
-        let base = RefineOptions::default();
         RefineOptions {
             color_iterations: self.color_iterations as usize,
+            color_solver: match self.color_solver {
+                ColorSolver::Adam => refine::ColorSolver::Adam,
+                ColorSolver::ConjugateGradients => refine::ColorSolver::ConjugateGradients,
+            },
             iterations: self.iterations as usize,
             views_per_step: self.views_per_step as usize,
             ssim: self.ssim,
@@ -139,11 +231,61 @@ impl Refine {
                 opacity: self.anchor_opacity,
                 color: self.anchor_color,
             },
-            rates: base.rates.scaled(self.rate),
+            rates: Rates {
+                center: self.rate_center,
+                rotation: self.rate_rotation,
+                scale: self.rate_scale,
+                opacity: self.rate_opacity,
+                color: self.rate_color,
+            }
+            .scaled(self.rate),
             check_every: self.check_every as usize,
             tolerance: self.tolerance,
-            render: base.render,
+            generations: Generations {
+                first: self.generation_first,
+                newborn: self.generation_newborn,
+                multiplier: self.generation_multiplier,
+                most: self.generation_most,
+            },
+            densify: self.densify.options(),
+            prune: Prune {
+                opacity: self.prune_opacity,
+                unseen: self.prune_unseen,
+            },
+            render: RefineOptions::default().render,
         }
+    }
+}
+
+impl Densify {
+    fn options(self) -> Option<refine::Densify> {
+        match self {
+            Self::Never => None,
+            Self::Strained {
+                every,
+                until,
+                share,
+                most,
+            } => Some(refine::Densify {
+                every: every as usize,
+                until,
+                share,
+                most: most as usize,
+            }),
+        }
+    }
+}
+
+/// An unfinished refinement, kept by the run for the next one.
+struct Kept<'a>(&'a Context);
+
+impl Checkpoints for Kept<'_> {
+    fn last(&mut self) -> Option<Vec<u8>> {
+        self.0.unfinished()
+    }
+
+    fn keep(&mut self, state: &dyn Fn() -> Vec<u8>) {
+        self.0.keep_unfinished(state);
     }
 }
 
@@ -169,6 +311,12 @@ fn tell(refined: &Refined, ctx: &Context) {
             refined.skipped
         ));
     }
+    if refined.born > 0 {
+        ctx.note(format!("{} Gaussians were added", refined.born));
+    }
+    if refined.pruned > 0 {
+        ctx.note(format!("{} Gaussians do not show and are left out", refined.pruned));
+    }
 }
 
 fn report(refined: &Refined, targets: &Views) -> Value {
@@ -193,6 +341,8 @@ fn report(refined: &Refined, targets: &Views) -> Value {
         "status": status,
         "best_iteration": refined.best_iteration,
         "skipped_gradients": refined.skipped,
+        "born": refined.born,
+        "pruned": refined.pruned,
         "curve": curve,
         "fidelity": fidelity,
     })

@@ -1,4 +1,5 @@
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use gear_graph::{Value as _, testing};
 use gear_image::Field;
@@ -116,6 +117,58 @@ fn an_interrupted_run_is_cancelled() {
     let ctx = Context::new(Arc::new(AtomicBool::new(true)), None, 0);
     let result = Refine::default().run(In { scene, targets }, &Want::all::<Out>(), &ctx);
     assert!(matches!(result, Err(NodeError::Cancelled)));
+}
+
+/// Keeps the state of an action in memory.
+#[derive(Default)]
+struct InMemory(std::sync::Mutex<Option<Vec<u8>>>);
+
+impl gear_graph::Unfinished for InMemory {
+    fn last(&self) -> Option<Vec<u8>> {
+        self.0.lock().unwrap().clone()
+    }
+
+    fn keep(&self, state: &[u8]) {
+        *self.0.lock().unwrap() = Some(state.to_vec());
+    }
+
+    fn forget(&self) {
+        *self.0.lock().unwrap() = None;
+    }
+}
+
+#[test]
+fn an_interrupted_refinement_goes_on_where_it_was() {
+    let (scene, targets) = board();
+    let inputs = || In {
+        scene: Arc::clone(&scene),
+        targets: Arc::clone(&targets),
+    };
+    let node = Refine {
+        tolerance: 0.0,
+        ..short()
+    };
+    let whole = testing::run(&node, inputs()).unwrap().scene.unwrap();
+    let place = Arc::new(InMemory::default());
+    // Interrupts itself after two thirds of the steps.
+    let stop = Arc::new(AtomicBool::new(false));
+    let steps = Arc::new(std::sync::atomic::AtomicUsize::new(0));
+    let context = |limit: usize| {
+        let (flag, steps) = (Arc::clone(&stop), Arc::clone(&steps));
+        let listener = Arc::new(move |_: gear_graph::Progress| {
+            let done = 1 + steps.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            flag.store(done >= limit, std::sync::atomic::Ordering::Relaxed);
+        });
+        Context::new(Arc::clone(&stop), Some(listener), 0).with_unfinished(Arc::clone(&place) as _, Duration::ZERO)
+    };
+    let first = node.run(inputs(), &Want::all::<Out>(), &context(45));
+    assert!(matches!(first, Err(NodeError::Cancelled)));
+    stop.store(false, std::sync::atomic::Ordering::Relaxed);
+    let taken = steps.swap(0, std::sync::atomic::Ordering::Relaxed);
+    let resumed = node.run(inputs(), &Want::all::<Out>(), &context(usize::MAX)).unwrap();
+    let rest = steps.load(std::sync::atomic::Ordering::Relaxed);
+    assert_eq!((taken, rest), (45, 20));
+    assert_eq!(resumed.scene.unwrap(), whole);
 }
 
 #[test]

@@ -54,7 +54,9 @@ mod tests {
         assert_eq!((one.last(), other.last()), (Some(state(3)), None));
         let files = || {
             let folders = std::fs::read_dir(folder.path().join("contents")).unwrap();
-            folders.flat_map(|f| std::fs::read_dir(f.unwrap().path()).unwrap()).count()
+            folders
+                .flat_map(|f| std::fs::read_dir(f.unwrap().path()).unwrap())
+                .count()
         };
         assert_eq!(files(), 1);
         // Another process finds it.

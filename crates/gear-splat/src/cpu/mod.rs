@@ -28,7 +28,7 @@ mod lanes;
 mod math;
 mod project;
 mod project_backward;
-mod simd;
+pub(crate) mod simd;
 mod sort;
 mod spans;
 mod surface;

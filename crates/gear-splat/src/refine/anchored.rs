@@ -1,11 +1,19 @@
 //! A scene under optimisation: its anchor, Adam's moments, the limits of its attributes.
+//!
+//! A step reads and writes every coordinate once, where it lies: the attributes of the scene, of its anchor and of
+//! the gradient are looked at as flat coordinates, chunk by chunk on all threads. An attribute without a step size is
+//! frozen: nothing is kept for it, and the rasteriser is not asked for its gradient.
 
-use glam::{Quat, Vec3, Vec4};
+use bytemuck::{cast_slice, cast_slice_mut};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::RefineOptions;
-use super::prox::ProxAdam;
+use super::density::Generations;
+use super::prox::{ProxAdam, Steps};
 use crate::Scene;
+use crate::cpu::SimdLevel;
+use crate::cpu::simd::simd_kernels;
 use crate::render::{SceneGradients, Wanted};
 use crate::sh::Y0;
 
@@ -13,14 +21,16 @@ use crate::sh::Y0;
 const EPSILON: f64 = 1e-15;
 /// Opacity logits are held within this.
 const LOGIT_MAX: f32 = 9.0;
+/// SH coefficients of degree 0 are held within this: black to white.
+const DC_MAX: f32 = 0.5 / Y0;
 /// Largest ratio of a Gaussian's scales.
 const NEEDLE_MAX: f32 = 200.0;
 /// A standard deviation grows to at most so many times the largest one that the Gaussian began with, and by no more
 /// than a typical surfel. At the rim of a picture nobody looks at what lies beyond, and without this limit small
 /// Gaussians grow whiskers there, and the large ones of a plain back grow shadows around it.
 const GROWTH_MAX: f64 = 2.0;
-/// Gaussians handled by one task.
-const CHUNK: usize = 4096;
+/// Gaussians, or coordinates, handled by one task.
+pub(super) const CHUNK: usize = 4096;
 
 /// One number for each attribute of a Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,30 +60,101 @@ impl Rates {
     }
 }
 
-/// First and second moments of an attribute's coordinates.
-#[derive(Default)]
-struct Moments {
-    first: Vec<f32>,
-    second: Vec<f32>,
+/// A group of attributes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Group {
+    Centers,
+    LogScales,
+    Rotations,
+    OpacityLogits,
+    Colors,
+    HigherColors,
 }
 
-/// The attributes as flat coordinates, in this order: centre 3, log scale 3, rotation 4, opacity 1, colour 3, higher SH.
-const GROUPS: usize = 6;
+impl Group {
+    pub const ALL: [Self; 6] = [
+        Self::Centers,
+        Self::LogScales,
+        Self::Rotations,
+        Self::OpacityLogits,
+        Self::Colors,
+        Self::HigherColors,
+    ];
 
+    /// The group's coordinates.
+    pub fn of(self, scene: &Scene) -> &[f32] {
+        match self {
+            Self::Centers => cast_slice(&scene.centers),
+            Self::LogScales => cast_slice(&scene.log_scales),
+            Self::Rotations => cast_slice(&scene.rotations),
+            Self::OpacityLogits => &scene.opacity_logits,
+            Self::Colors => scene.sh_dc.as_flattened(),
+            Self::HigherColors => &scene.sh_rest,
+        }
+    }
+
+    pub fn of_mut(self, scene: &mut Scene) -> &mut [f32] {
+        match self {
+            Self::Centers => cast_slice_mut(&mut scene.centers),
+            Self::LogScales => cast_slice_mut(&mut scene.log_scales),
+            Self::Rotations => cast_slice_mut(&mut scene.rotations),
+            Self::OpacityLogits => &mut scene.opacity_logits,
+            Self::Colors => scene.sh_dc.as_flattened_mut(),
+            Self::HigherColors => &mut scene.sh_rest,
+        }
+    }
+
+    /// The derivatives by the group's coordinates; empty if they were not wanted.
+    fn of_gradient(self, gradients: &SceneGradients) -> &[f32] {
+        match self {
+            Self::Centers => cast_slice(&gradients.centers),
+            Self::LogScales => cast_slice(&gradients.log_scales),
+            Self::Rotations => cast_slice(&gradients.rotations),
+            Self::OpacityLogits => &gradients.opacity_logits,
+            Self::Colors => gradients.sh_dc.as_flattened(),
+            Self::HigherColors => &gradients.sh_rest,
+        }
+    }
+
+    fn of_gradient_mut(self, gradients: &mut SceneGradients) -> &mut [f32] {
+        match self {
+            Self::Centers => cast_slice_mut(&mut gradients.centers),
+            Self::LogScales => cast_slice_mut(&mut gradients.log_scales),
+            Self::Rotations => cast_slice_mut(&mut gradients.rotations),
+            Self::OpacityLogits => &mut gradients.opacity_logits,
+            Self::Colors => gradients.sh_dc.as_flattened_mut(),
+            Self::HigherColors => &mut gradients.sh_rest,
+        }
+    }
+}
+
+/// First and second moments of a group's coordinates; empty until the group moves.
+#[derive(Clone, Default)]
+pub(super) struct Moments {
+    pub first: Vec<f32>,
+    pub second: Vec<f32>,
+    /// Steps that went into them.
+    pub steps: usize,
+}
+
+#[derive(Clone)]
 pub(super) struct Anchored {
     pub scene: Scene,
-    anchor: Scene,
+    pub anchor: Scene,
     rates: Rates,
     weights: Rates,
     lambda: f64,
-    extent: f32,
+    pub generations: Generations,
+    pub extent: f32,
     /// The typical surfel, world units.
-    unit: f64,
+    pub unit: f64,
     /// Largest log scale of each Gaussian.
-    ceilings: Vec<f32>,
-    moments: [Moments; GROUPS],
-    gradients: [Vec<f32>; GROUPS],
-    steps: [usize; GROUPS],
+    pub ceilings: Vec<f32>,
+    /// Factor of the anchor's weight for each Gaussian; empty while all belong to the first generation.
+    pub firmness: Vec<f32>,
+    pub moments: [Moments; Group::ALL.len()],
+    /// What the next step will use.
+    gradients: Option<SceneGradients>,
 }
 
 impl Anchored {
@@ -86,112 +167,124 @@ impl Anchored {
             rates: options.rates,
             weights: options.anchor_weights,
             lambda: options.anchor,
+            generations: options.generations,
             extent,
             unit,
-            ceilings: ceilings(scene, unit, extent),
+            ceilings: scene
+                .log_scales
+                .iter()
+                .map(|&start| growth_limit(start, unit, extent))
+                .collect(),
+            firmness: Vec::new(),
             moments: Default::default(),
-            gradients: Default::default(),
-            steps: [0; GROUPS],
+            gradients: None,
+        }
+    }
+
+    /// What of `phase` moves at all.
+    pub fn wanted(&self, phase: Wanted) -> Wanted {
+        Wanted {
+            centers: phase.centers && self.rates.center > 0.0,
+            log_scales: phase.log_scales && self.rates.scale > 0.0,
+            rotations: phase.rotations && self.rates.rotation > 0.0,
+            opacity_logits: phase.opacity_logits && self.rates.opacity > 0.0,
+            colors: phase.colors && self.rates.color > 0.0,
         }
     }
 
     /// Adds a gradient to what the next step will use.
-    pub fn gather(&mut self, gradients: &SceneGradients) {
-        let flat3 = |v: &[Vec3]| v.iter().flat_map(|v| v.to_array()).collect::<Vec<f32>>();
-        let flat4 = |v: &[Vec4]| v.iter().flat_map(|v| v.to_array()).collect::<Vec<f32>>();
-        let parts = [
-            flat3(&gradients.centers),
-            flat3(&gradients.log_scales),
-            flat4(&gradients.rotations),
-            gradients.opacity_logits.clone(),
-            gradients.sh_dc.as_flattened().to_vec(),
-            gradients.sh_rest.clone(),
-        ];
-        for (total, part) in self.gradients.iter_mut().zip(parts) {
-            if total.is_empty() {
-                *total = part;
-            } else {
-                total.iter_mut().zip(part).for_each(|(a, b)| *a += b);
-            }
+    pub fn gather(&mut self, gradients: SceneGradients) {
+        let Some(total) = &mut self.gradients else {
+            self.gradients = Some(gradients);
+            return;
+        };
+        for group in Group::ALL {
+            let parts = group.of_gradient(&gradients).par_chunks(CHUNK);
+            let totals = group.of_gradient_mut(total).par_chunks_mut(CHUNK);
+            totals
+                .zip(parts)
+                .for_each(|(total, part)| total.iter_mut().zip(part).for_each(|(a, b)| *a += b));
+        }
+    }
+
+    /// A group's step size, and the anchor's weight per squared coordinate.
+    fn plan(&self, group: Group) -> (f64, f64) {
+        let (rates, weights) = (self.rates, self.weights);
+        match group {
+            Group::Centers => (rates.center * self.unit, weights.center / (self.unit * self.unit)),
+            Group::LogScales => (rates.scale, weights.scale),
+            Group::Rotations => (rates.rotation, weights.rotation),
+            Group::OpacityLogits => (rates.opacity, weights.opacity),
+            Group::Colors => (rates.color, weights.color),
+            Group::HigherColors => (rates.color / 20.0, weights.color),
         }
     }
 
     /// Uses up the gathered gradients. `decay` scales all rates. Returns how many Gaussians were left out because a
     /// derivative was not finite.
     pub fn step(&mut self, phase: Wanted, decay: f64) -> usize {
-        let skipped = self.drop_not_finite();
-        let n = self.scene.len().max(1) as f64;
-        let mu = |weight: f64| 2.0 * self.lambda * weight / n;
-        let (rates, weights) = (self.rates, self.weights);
-        let plan = [
-            (rates.center * self.unit, weights.center / (self.unit * self.unit)),
-            (rates.scale, weights.scale),
-            (rates.rotation, weights.rotation),
-            (rates.opacity, weights.opacity),
-            (rates.color, weights.color),
-            (rates.color / 20.0, weights.color),
-        ];
-        for (group, (rate, weight)) in plan.into_iter().enumerate() {
-            let gradient = std::mem::take(&mut self.gradients[group]);
-            if gradient.is_empty() {
+        let mut gradients = self.gradients.take().unwrap_or_default();
+        let skipped = drop_not_finite(&mut gradients, self.scene.len());
+        for (k, group) in Group::ALL.into_iter().enumerate() {
+            let (rate, weight) = self.plan(group);
+            let gradient = group.of_gradient(&gradients);
+            if gradient.is_empty() || rate == 0.0 {
                 continue;
             }
-            self.steps[group] += 1;
-            let prox = ProxAdam::new(self.steps[group], rate * decay, mu(weight), EPSILON);
-            let mut x = coordinates(&self.scene, group);
-            let anchor = coordinates(&self.anchor, group);
-            let moments = &mut self.moments[group];
-            moments.first.resize(x.len(), 0.0);
-            moments.second.resize(x.len(), 0.0);
-            update(&prox, &mut x, &anchor, &gradient, moments);
-            set_coordinates(&mut self.scene, group, &x);
+            let moments = &mut self.moments[k];
+            moments.steps += 1;
+            moments.first.resize(gradient.len(), 0.0);
+            moments.second.resize(gradient.len(), 0.0);
+            let mu = curvature(self.lambda, weight, self.scene.len());
+            let steps = ProxAdam::new(moments.steps, rate * decay, mu, EPSILON).steps();
+            let x = group.of_mut(&mut self.scene);
+            let anchor = group.of(&self.anchor);
+            if self.firmness.is_empty() {
+                let steps = steps.firmer(self.generations.first as f32);
+                update(&steps, x, anchor, gradient, moments);
+            } else {
+                update_each(&steps, &self.firmness, x, anchor, gradient, moments);
+            }
         }
-        if self.scene.sh_degree == 0 {
-            self.restrain_colors();
-        }
+        self.restrain_colors();
         if phase == Wanted::ALL {
             self.restrain();
         }
         skipped
     }
 
-    /// Zeroes the gradients of Gaussians with a derivative that is not finite; returns how many.
-    fn drop_not_finite(&mut self) -> usize {
-        let n = self.scene.len();
-        let mut bad = vec![false; n];
-        for gradient in &self.gradients {
-            let width = gradient.len() / n.max(1);
-            if width > 0 {
-                for (bad, part) in bad.iter_mut().zip(gradient.chunks_exact(width)) {
-                    *bad |= part.iter().any(|g| !g.is_finite());
-                }
-            }
+    /// Keeps colours between black and white. A view blends a few Gaussians a pixel, so one that is brighter than white
+    /// can make up for its neighbours in the views that were looked at; from between them it is a glaring speck. Colours
+    /// that change with the direction have no such limits.
+    pub fn restrain_colors(&mut self) {
+        if self.scene.sh_degree > 0 {
+            return;
         }
-        let count = bad.iter().filter(|&&b| b).count();
-        if count > 0 {
-            for gradient in &mut self.gradients {
-                let width = gradient.len() / n.max(1);
-                if width > 0 {
-                    for (bad, part) in bad.iter().zip(gradient.chunks_exact_mut(width)) {
-                        if *bad {
-                            part.fill(0.0);
-                        }
-                    }
-                }
-            }
-        }
-        count
+        let starts = self.anchor.sh_dc.as_flattened().par_iter();
+        let colors = self.scene.sh_dc.as_flattened_mut().par_iter_mut();
+        colors
+            .zip(starts)
+            .with_min_len(CHUNK)
+            .for_each(|(x, start)| *x = x.clamp((-DC_MAX).min(*start), DC_MAX.max(*start)));
     }
 
-    /// Keeps colours between black and white. A view blends a few Gaussians a pixel, so one that is brighter than white
-    /// can make up for its neighbours in the views that were looked at; from between them it is a glaring speck.
-    fn restrain_colors(&mut self) {
-        let most = 0.5 / Y0;
-        for (color, start) in self.scene.sh_dc.iter_mut().zip(&self.anchor.sh_dc) {
-            for (x, start) in color.iter_mut().zip(start) {
-                *x = x.clamp((-most).min(*start), most.max(*start));
-            }
-        }
+    /// μ of the colours of degree 0, and the gradient of the anchor by them.
+    pub fn color_anchor(&self) -> (f32, Vec<f32>) {
+        let (_, weight) = self.plan(Group::Colors);
+        let mu = (self.generations.first * curvature(self.lambda, weight, self.scene.len())) as f32;
+        let pairs = Group::Colors.of(&self.scene).iter().zip(Group::Colors.of(&self.anchor));
+        (mu, pairs.map(|(x, start)| mu * (x - start)).collect())
+    }
+
+    /// Which colours are at a limit and cannot follow the loss down its `slope`.
+    pub fn held_colors(&self, slope: &[f32]) -> Vec<bool> {
+        let colors = Group::Colors.of(&self.scene).iter().zip(Group::Colors.of(&self.anchor));
+        let limited = self.scene.sh_degree == 0;
+        let held = |((x, start), slope): ((&f32, &f32), &f32)| {
+            let (low, high) = ((-DC_MAX).min(*start), DC_MAX.max(*start));
+            limited && ((*x <= low && *slope > 0.0) || (*x >= high && *slope < 0.0))
+        };
+        colors.zip(slope).map(held).collect()
     }
 
     /// Keeps the attributes where they make sense: unit quaternions on the anchor's side, scales of 1e-4 to 0.2 extents,
@@ -200,16 +293,18 @@ impl Anchored {
         let ln = |x: f32| libm::log(f64::from(x)) as f32;
         let (least, ratio) = (ln(1e-4 * self.extent), ln(NEEDLE_MAX));
         let anchor = &self.anchor;
-        let limits = anchor.log_scales.iter().zip(&self.ceilings);
-        for (scales, (start, ceiling)) in self.scene.log_scales.iter_mut().zip(limits) {
+        let limits = anchor.log_scales.par_iter().zip(&self.ceilings);
+        let scales = self.scene.log_scales.par_iter_mut().zip(limits);
+        scales.with_min_len(CHUNK).for_each(|(scales, (start, ceiling))| {
             // What came outside the limits may stay there, but go no farther.
             let low = Vec3::splat(least).min(*start);
             let high = Vec3::splat(*ceiling).max(*start);
             let held = scales.clamp(low, high);
             let allowed = ratio.max(start.max_element() - start.min_element());
             *scales = held.max(Vec3::splat(held.max_element() - allowed));
-        }
-        for (q, start) in self.scene.rotations.iter_mut().zip(&anchor.rotations) {
+        });
+        let rotations = self.scene.rotations.par_iter_mut().zip(&anchor.rotations);
+        rotations.with_min_len(CHUNK).for_each(|(q, start)| {
             let aligned = if q.dot(*start) < 0.0 { -*q } else { *q };
             let length = aligned.length();
             *q = if length > 1e-12 {
@@ -217,50 +312,92 @@ impl Anchored {
             } else {
                 *start
             };
-        }
-        for (logit, start) in self.scene.opacity_logits.iter_mut().zip(&anchor.opacity_logits) {
+        });
+        let logits = self.scene.opacity_logits.par_iter_mut().zip(&anchor.opacity_logits);
+        logits.with_min_len(CHUNK).for_each(|(logit, start)| {
             let limit = LOGIT_MAX.max(start.abs());
             *logit = logit.clamp(-limit, limit);
-        }
+        });
     }
 
-    /// λ Σ_a w_a mean_i ‖x − x⁰‖².
+    /// λ Σ_a w_a mean_i f_i ‖x − x⁰‖², with the firmness f of each Gaussian.
     pub fn anchor_loss(&self) -> f64 {
-        let weights = self.weights;
-        let weights = [
-            weights.center / (self.unit * self.unit),
-            weights.scale,
-            weights.rotation,
-            weights.opacity,
-            weights.color,
-            weights.color,
-        ];
         let mut total = 0.0;
-        for (group, weight) in weights.into_iter().enumerate() {
-            let (x, anchor) = (coordinates(&self.scene, group), coordinates(&self.anchor, group));
-            let square: f64 = x
-                .iter()
-                .zip(&anchor)
-                .map(|(a, b)| f64::from(a - b) * f64::from(a - b))
-                .sum();
-            total += weight * square;
+        for group in Group::ALL {
+            let (_, weight) = self.plan(group);
+            let x = group.of(&self.scene);
+            let width = (x.len() / self.scene.len().max(1)).max(1);
+            let parts = x.par_chunks(CHUNK * width).enumerate();
+            let squares: Vec<f64> = parts
+                .zip(group.of(&self.anchor).par_chunks(CHUNK * width))
+                .map(|((chunk, x), anchor)| {
+                    let firmness = self.firmness.get(chunk * CHUNK..).unwrap_or_default();
+                    squares(x, anchor, width, firmness)
+                })
+                .collect();
+            let generations = if self.firmness.is_empty() {
+                self.generations.first
+            } else {
+                1.0
+            };
+            total += weight * generations * squares.iter().sum::<f64>();
         }
         self.lambda * total / self.scene.len().max(1) as f64
     }
 }
 
-/// What each Gaussian's log scales may grow to.
-fn ceilings(scene: &Scene, unit: f64, extent: f32) -> Vec<f32> {
-    let most = libm::log(0.2 * f64::from(extent));
-    scene
-        .log_scales
-        .iter()
-        .map(|start| {
-            let start = f64::from(start.max_element());
-            let growth = (unit / libm::exp(start)).min(GROWTH_MAX - 1.0);
-            most.min(start + libm::log(1.0 + growth)) as f32
+/// μ of a group in a scene of `n` Gaussians.
+fn curvature(lambda: f64, weight: f64, n: usize) -> f64 {
+    2.0 * lambda * weight / n.max(1) as f64
+}
+
+/// Σ f_i ‖x_i − x⁰_i‖² over Gaussians of `width` coordinates; without `firmness`, f is 1.
+fn squares(x: &[f32], anchor: &[f32], width: usize, firmness: &[f32]) -> f64 {
+    let square = |(a, b): (&f32, &f32)| f64::from(a - b) * f64::from(a - b);
+    if firmness.is_empty() {
+        return x.iter().zip(anchor).map(square).sum();
+    }
+    let each = x.chunks_exact(width).zip(anchor.chunks_exact(width)).zip(firmness);
+    each.map(|((x, anchor), firmness)| f64::from(*firmness) * x.iter().zip(anchor).map(square).sum::<f64>())
+        .sum()
+}
+
+/// Zeroes the gradients of Gaussians with a derivative that is not finite; returns how many.
+fn drop_not_finite(gradients: &mut SceneGradients, n: usize) -> usize {
+    let level = SimdLevel::current();
+    let finite = |group: Group| {
+        let parts = group.of_gradient(gradients).par_chunks(CHUNK);
+        parts.all(|part| {
+            let mut found = 0;
+            find_not_finite(level, part, &mut found);
+            found == 0
         })
-        .collect()
+    };
+    if n == 0 || Group::ALL.into_iter().all(finite) {
+        return 0;
+    }
+    let mut bad = vec![false; n];
+    for group in Group::ALL {
+        let gradient = group.of_gradient(gradients);
+        for (bad, part) in bad.iter_mut().zip(gradient.chunks_exact((gradient.len() / n).max(1))) {
+            *bad |= part.iter().any(|g| !g.is_finite());
+        }
+    }
+    for group in Group::ALL {
+        let gradient = group.of_gradient_mut(gradients);
+        let width = (gradient.len() / n).max(1);
+        let parts = bad.iter().zip(gradient.chunks_exact_mut(width));
+        parts.filter(|(bad, _)| **bad).for_each(|(_, part)| part.fill(0.0));
+    }
+    bad.into_iter().filter(|&b| b).count()
+}
+
+/// What the log scales of a Gaussian that began with `start` may grow to.
+pub(super) fn growth_limit(start: Vec3, unit: f64, extent: f32) -> f32 {
+    let most = libm::log(0.2 * f64::from(extent));
+    let start = f64::from(start.max_element());
+    let growth = (unit / libm::exp(start)).min(GROWTH_MAX - 1.0);
+    most.min(start + libm::log(1.0 + growth)) as f32
 }
 
 /// Median of the geometric means of the two larger standard deviations.
@@ -277,45 +414,67 @@ fn typical_surfel(scene: &Scene) -> f64 {
     libm::exp(0.5 * f64::from(area)).clamp(1e-12, 1e12)
 }
 
-fn update(prox: &ProxAdam, x: &mut [f32], anchor: &[f32], gradient: &[f32], moments: &mut Moments) {
+/// One step of all coordinates of a group.
+fn update(steps: &Steps, x: &mut [f32], anchor: &[f32], gradient: &[f32], moments: &mut Moments) {
+    let level = SimdLevel::current();
+    let first = moments.first.par_chunks_mut(CHUNK);
+    let second = moments.second.par_chunks_mut(CHUNK);
     x.par_chunks_mut(CHUNK)
         .zip(anchor.par_chunks(CHUNK).zip(gradient.par_chunks(CHUNK)))
-        .zip(
-            moments
-                .first
-                .par_chunks_mut(CHUNK)
-                .zip(moments.second.par_chunks_mut(CHUNK)),
-        )
+        .zip(first.zip(second))
         .for_each(|((x, (anchor, gradient)), (first, second))| {
-            for i in 0..x.len() {
-                let (mut m, mut v) = (f64::from(first[i]), f64::from(second[i]));
-                let to = prox.step(x[i].into(), anchor[i].into(), gradient[i].into(), &mut m, &mut v);
-                (x[i], first[i], second[i]) = (to as f32, m as f32, v as f32);
+            update_chunk(level, steps, x, anchor, gradient, first, second);
+        });
+}
+
+/// [`update`], with an anchor of its own weight for each Gaussian.
+fn update_each(
+    steps: &Steps,
+    firmness: &[f32],
+    x: &mut [f32],
+    anchor: &[f32],
+    gradient: &[f32],
+    moments: &mut Moments,
+) {
+    let width = (x.len() / firmness.len().max(1)).max(1);
+    let first = moments.first.par_chunks_exact_mut(width);
+    let second = moments.second.par_chunks_exact_mut(width);
+    x.par_chunks_exact_mut(width)
+        .zip(anchor.par_chunks_exact(width).zip(gradient.par_chunks_exact(width)))
+        .zip(first.zip(second))
+        .zip(firmness)
+        .with_min_len(CHUNK)
+        .for_each(|(((x, (anchor, gradient)), (first, second)), firmness)| {
+            let steps = steps.firmer(*firmness);
+            for i in 0..width {
+                x[i] = steps.step(x[i], anchor[i], gradient[i], &mut first[i], &mut second[i]);
             }
         });
 }
 
-/// A group's coordinates, flat.
-fn coordinates(scene: &Scene, group: usize) -> Vec<f32> {
-    let flat = |v: &[Vec3]| v.iter().flat_map(|v| v.to_array()).collect();
-    match group {
-        0 => flat(&scene.centers),
-        1 => flat(&scene.log_scales),
-        2 => scene.rotations.iter().flat_map(|q| q.to_array()).collect(),
-        3 => scene.opacity_logits.clone(),
-        4 => scene.sh_dc.as_flattened().to_vec(),
-        _ => scene.sh_rest.clone(),
+simd_kernels! {
+    fn update_chunk(
+        steps: &Steps,
+        x: &mut [f32],
+        anchor: &[f32],
+        gradient: &[f32],
+        first: &mut [f32],
+        second: &mut [f32],
+    ) {
+        let len = x.len();
+        let (anchor, gradient) = (&anchor[..len], &gradient[..len]);
+        let (first, second) = (&mut first[..len], &mut second[..len]);
+        for i in 0..len {
+            x[i] = steps.step(x[i], anchor[i], gradient[i], &mut first[i], &mut second[i]);
+        }
     }
-}
 
-fn set_coordinates(scene: &mut Scene, group: usize, x: &[f32]) {
-    let vectors = || x.chunks_exact(3).map(Vec3::from_slice).collect();
-    match group {
-        0 => scene.centers = vectors(),
-        1 => scene.log_scales = vectors(),
-        2 => scene.rotations = x.chunks_exact(4).map(Quat::from_slice).collect(),
-        3 => scene.opacity_logits = x.to_vec(),
-        4 => scene.sh_dc = x.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect(),
-        _ => scene.sh_rest = x.to_vec(),
+    /// Sets a bit of `found` if a number is NaN or infinite.
+    fn find_not_finite(values: &[f32], found: &mut u32) {
+        let mut any = 0;
+        for x in values {
+            any |= u32::from(x.abs() >= f32::INFINITY) | u32::from(x.is_nan());
+        }
+        *found = any;
     }
 }

@@ -12,27 +12,61 @@
 //! ([`prox`]), so that no anchor weight makes it unstable and the fixed point is the true one. First only colours
 //! move, on projections that are made once; then everything does. The loss on all views is looked at every few
 //! steps, and the best scene so far is what comes back.
+//!
+//! With fixed shapes a picture is linear in the colours, so that the first phase can also be solved by conjugate gradients
+//! ([`ColorSolver`]): slower, and as far down as the loss goes.
 
 mod anchored;
+mod checkpoint;
+mod colors;
+mod curvature;
+mod density;
 mod loss;
 pub mod prox;
+mod prune;
 mod ssim;
 
 use std::ops::ControlFlow;
 
 use crate::device::{Device, DeviceError, Frame};
-use crate::render::Wanted;
+use crate::render::{PixelGradients, Wanted};
 use crate::{Outputs, RenderOptions, Scene, SceneError, Views};
 use anchored::Anchored;
+use density::Strain;
 use loss::Target;
+use ssim::Scratch;
 
 pub use anchored::Rates;
+pub use checkpoint::Checkpoints;
+pub use density::{Densify, Generations};
+pub use prune::Prune;
+
+/// What refinement looks at.
+const DRAWN: Outputs = Outputs {
+    rgb: true,
+    alpha: false,
+    depth: false,
+    median_depth: false,
+    normal: false,
+};
+
+/// How the colours are found while the shapes stand still.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColorSolver {
+    /// A few views a step.
+    #[default]
+    Adam,
+    /// All views in every step: the converged reference.
+    ConjugateGradients,
+}
 
 /// How to refine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RefineOptions {
     /// Steps in which only colours move.
     pub color_iterations: usize,
+    /// How they move in these.
+    pub color_solver: ColorSolver,
     /// Steps in which everything moves.
     pub iterations: usize,
     /// Views looked at in each step.
@@ -43,7 +77,8 @@ pub struct RefineOptions {
     pub anchor: f64,
     /// w_a: the anchor's weight for each attribute.
     pub anchor_weights: Rates,
-    /// Adam's step for each attribute. Each decays by ten over a run.
+    /// Adam's step for each attribute. Each decays by ten over a run. An attribute with the step 0 stays as it is, and
+    /// costs nothing.
     ///
     /// Centres, here and in `anchor_weights`, are measured in the scene's typical surfel (the median of the larger
     /// standard deviations), so that the same scene at twice the resolution is the same problem.
@@ -52,6 +87,12 @@ pub struct RefineOptions {
     pub check_every: usize,
     /// A phase ends when the loss fell by less than this share since the last look.
     pub tolerance: f64,
+    /// How firmly the anchor holds Gaussians by their generation.
+    pub generations: Generations,
+    /// Whether Gaussians are added where the loss asks for them.
+    pub densify: Option<Densify>,
+    /// What is left out in the end.
+    pub prune: Prune,
     /// How views are rendered.
     pub render: RenderOptions,
 }
@@ -60,6 +101,7 @@ impl Default for RefineOptions {
     fn default() -> Self {
         Self {
             color_iterations: 30,
+            color_solver: ColorSolver::Adam,
             iterations: 270,
             views_per_step: 1,
             ssim: 0.2,
@@ -80,6 +122,9 @@ impl Default for RefineOptions {
             },
             check_every: 25,
             tolerance: 1e-4,
+            generations: Generations::default(),
+            densify: None,
+            prune: Prune::default(),
             render: RenderOptions::default(),
         }
     }
@@ -124,6 +169,10 @@ pub struct Refined {
     pub status: Status,
     /// How often a Gaussian was left out of a step because its gradient was not finite.
     pub skipped: usize,
+    /// Gaussians that densifications made.
+    pub born: usize,
+    /// Gaussians that were left out in the end.
+    pub pruned: usize,
     /// How close each target with a weight was, and is.
     pub fidelity: Vec<Fidelity>,
 }
@@ -190,48 +239,45 @@ pub fn refine_on(
     options: &RefineOptions,
     observe: &mut dyn FnMut(Step) -> ControlFlow<()>,
 ) -> Result<Refined, RefineError> {
+    refine_resuming(device, scene, targets, options, &mut (), observe)
+}
+
+/// [`refine_on`], going on from the state that `checkpoints` has of the same scene, targets and options, and handing it
+/// the state at every look. The result is that of an uninterrupted run, to the bit.
+pub fn refine_resuming(
+    device: &Device,
+    scene: &Scene,
+    targets: &Views,
+    options: &RefineOptions,
+    checkpoints: &mut dyn Checkpoints,
+    observe: &mut dyn FnMut(Step) -> ControlFlow<()>,
+) -> Result<Refined, RefineError> {
     scene.validate()?;
     let targets = Target::all(targets, options.ssim as f32, scene.canonical_camera.as_ref())?;
     let mut run = Run::new(device, scene, targets, options);
     if run.targets.is_empty() || scene.is_empty() {
         return Ok(run.untouched());
     }
-    let total = options.color_iterations + options.iterations;
-    let first = run.look(0)?;
-    run.note(first);
-    for (phase, iterations) in [
+    if checkpoints.last().and_then(|state| run.restore(&state)).is_none() {
+        let first = run.look(0)?;
+        run.note(first);
+    }
+    let phases = [
         (Wanted::COLORS, options.color_iterations),
         (Wanted::ALL, options.iterations),
-    ] {
-        for step in 1..=iterations {
-            if run.status == Status::NotFinite {
-                break;
-            }
-            run.step(phase, total)?;
-            let seen = Step {
-                iteration: run.done,
-                total,
-                loss: run.curve.last().map_or(f64::NAN, |p| p.loss),
-            };
-            if observe(seen).is_break() {
-                return Err(RefineError::Interrupted);
-            }
-            if step % options.check_every.max(1) == 0 || step == iterations {
-                let before = run.curve.last().map_or(f64::INFINITY, |p| p.loss);
-                let now = run.look(run.done)?;
-                run.note(now);
-                if (before - now.loss).abs() < options.tolerance * before.abs() {
-                    run.status = if run.status == Status::NotFinite {
-                        run.status
-                    } else {
-                        Status::Converged
-                    };
-                    break;
-                }
+    ];
+    while let Some(&(phase, iterations)) = phases.get(run.phase) {
+        let wanted = run.anchored.wanted(phase);
+        if wanted.moves_shapes() || wanted.colors {
+            if phase == Wanted::COLORS && options.color_solver == ColorSolver::ConjugateGradients {
+                run.solve_colors(iterations, checkpoints, observe)?;
+            } else {
+                run.descend(phase, iterations, checkpoints, observe)?;
             }
         }
         // The next phase starts from the best of this one.
         run.return_to_best();
+        (run.phase, run.step) = (run.phase + 1, 0);
     }
     run.finish()
 }
@@ -245,11 +291,23 @@ struct Run<'a> {
     anchored: Anchored,
     /// Frames of all targets while only colours move.
     frames: Vec<Frame>,
+    /// Room for the gradient by a picture, used again by every step.
+    pixels: PixelGradients,
+    scratch: Scratch,
+    /// Number of the phase, and the steps done in it.
+    phase: usize,
+    step: usize,
+    /// Steps done in all.
     done: usize,
+    /// ε of the next round of conjugate gradients.
+    corner: f32,
     curve: Vec<Point>,
     best: (f64, usize, Scene),
     status: Status,
     skipped: usize,
+    /// What the next densification will go by.
+    strain: Strain,
+    born: usize,
     fidelity: Vec<Fidelity>,
 }
 
@@ -269,11 +327,36 @@ impl<'a> Run<'a> {
             targets,
             anchored: Anchored::new(scene, options),
             frames: Vec::new(),
+            pixels: PixelGradients::default(),
+            scratch: Scratch::default(),
+            phase: 0,
+            step: 0,
             done: 0,
+            corner: colors::CORNER,
             curve: Vec::new(),
             best: (f64::INFINITY, 0, scene.clone()),
             status: Status::Finished,
             skipped: 0,
+            strain: Strain::default(),
+            born: 0,
+        }
+    }
+
+    /// Steps there may be.
+    fn total(&self) -> usize {
+        self.options.color_iterations + self.options.iterations
+    }
+
+    /// Tells of the step that was just done.
+    fn tell(&self, observe: &mut dyn FnMut(Step) -> ControlFlow<()>) -> Result<(), RefineError> {
+        let seen = Step {
+            iteration: self.done,
+            total: self.total(),
+            loss: self.curve.last().map_or(f64::NAN, |p| p.loss),
+        };
+        match observe(seen) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(RefineError::Interrupted),
         }
     }
 
@@ -284,6 +367,8 @@ impl<'a> Run<'a> {
             best_iteration: 0,
             status: Status::NothingToFit,
             skipped: 0,
+            born: 0,
+            pruned: 0,
             fidelity: self.fidelity,
         }
     }
@@ -291,19 +376,70 @@ impl<'a> Run<'a> {
     fn frame(&self, view: usize) -> Result<Frame, DeviceError> {
         let camera = &self.targets[view].camera;
         self.device
-            .frame(&self.anchored.scene, camera, &self.options.render, Outputs::RGBA)
+            .frame(&self.anchored.scene, camera, &self.options.render, DRAWN)
+    }
+
+    /// Makes the frames of all targets, to be drawn again and again in other colours.
+    fn keep_frames(&mut self) -> Result<(), DeviceError> {
+        if self.frames.is_empty() {
+            self.frames = (0..self.targets.len())
+                .map(|view| self.frame(view))
+                .collect::<Result<_, _>>()?;
+        }
+        Ok(())
+    }
+
+    /// Adam's steps of a phase, until the loss no longer falls.
+    fn descend(
+        &mut self,
+        phase: Wanted,
+        iterations: usize,
+        checkpoints: &mut dyn Checkpoints,
+        observe: &mut dyn FnMut(Step) -> ControlFlow<()>,
+    ) -> Result<(), RefineError> {
+        while self.step < iterations && self.status != Status::NotFinite {
+            self.take_step(phase)?;
+            self.step += 1;
+            self.tell(observe)?;
+            if phase == Wanted::ALL {
+                self.densify_if_due();
+            }
+            if self.step.is_multiple_of(self.options.check_every.max(1)) || self.step == iterations {
+                let before = self.curve.last().map_or(f64::INFINITY, |p| p.loss);
+                let now = self.look(self.done)?;
+                self.note(now);
+                if self.status == Status::NotFinite {
+                    break;
+                }
+                if (before - now.loss).abs() < self.options.tolerance * before.abs() {
+                    self.status = Status::Converged;
+                    break;
+                }
+                checkpoints.keep(&|| self.state());
+            }
+        }
+        Ok(())
+    }
+
+    fn densify_if_due(&mut self) {
+        let Some(densify) = &self.options.densify else { return };
+        let last = densify.until * self.total() as f64;
+        if self.step.is_multiple_of(densify.every.max(1)) && self.done as f64 <= last {
+            self.born += self.anchored.densify(&self.strain, densify);
+            self.strain = Strain::default();
+        }
     }
 
     /// One step on the next few views.
-    fn step(&mut self, phase: Wanted, total: usize) -> Result<(), DeviceError> {
+    fn take_step(&mut self, phase: Wanted) -> Result<(), DeviceError> {
         let views = self.targets.len();
         let each = self.options.views_per_step.clamp(1, views);
-        if phase == Wanted::COLORS && self.frames.is_empty() {
-            self.frames = (0..views).map(|view| self.frame(view)).collect::<Result<_, _>>()?;
-        }
-        if phase == Wanted::ALL {
+        if phase == Wanted::COLORS {
+            self.keep_frames()?;
+        } else {
             self.frames.clear();
         }
+        let wanted = self.anchored.wanted(phase);
         // The gradient of the sum over all views, estimated from a few. A view's frequency in the schedule is its share
         // of the sum, so that all get the same factor.
         let scale = views as f64 / each as f64;
@@ -318,11 +454,15 @@ impl<'a> Run<'a> {
                 &mut fresh
             };
             let picture = frame.draw(&self.anchored.scene)?;
-            let pixels = self.targets[view].gradient(&picture, scale as f32);
-            let gradients = frame.backward(&self.anchored.scene, &picture, &pixels, phase)?;
-            self.anchored.gather(&gradients);
+            self.targets[view].gradient(&picture, scale as f32, &mut self.scratch, &mut self.pixels);
+            let gradients = frame.backward(&self.anchored.scene, &picture, &self.pixels, wanted)?;
+            if phase == Wanted::ALL && self.options.densify.is_some() {
+                let camera = &self.targets[view].camera;
+                self.strain.gather(&gradients, &self.anchored.scene.centers, camera);
+            }
+            self.anchored.gather(gradients);
         }
-        let decay = libm::pow(0.1, self.done as f64 / total.max(1) as f64);
+        let decay = libm::pow(0.1, self.done as f64 / self.total().max(1) as f64);
         self.skipped += self.anchored.step(phase, decay);
         self.done += 1;
         Ok(())
@@ -369,6 +509,7 @@ impl<'a> Run<'a> {
     }
 
     fn finish(mut self) -> Result<Refined, RefineError> {
+        let pruned = self.prune()?;
         self.return_to_best();
         self.frames.clear();
         for view in 0..self.targets.len() {
@@ -381,6 +522,8 @@ impl<'a> Run<'a> {
             best_iteration: self.best.1,
             status: self.status,
             skipped: self.skipped,
+            born: self.born,
+            pruned,
             fidelity: self.fidelity,
         })
     }
