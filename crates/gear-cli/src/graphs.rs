@@ -34,6 +34,8 @@ pub fn shipped() -> &'static [Shipped] {
         "ablations/fixed-gain",
         "ablations/without-grounding",
         "ablations/without-restitution",
+        "services/images",
+        "services/comfyui",
     ]
 }
 

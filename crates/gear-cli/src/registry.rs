@@ -22,5 +22,11 @@ pub fn registry() -> Registry {
     node_refine::register(&mut registry);
     node_metrics::register(&mut registry);
 
+    registry.loader::<gear_graph::ReportFile>();
+    node_prompt::register(&mut registry);
+    node_translate_service::register(&mut registry);
+    node_edit_service::register(&mut registry);
+    node_judge::register(&mut registry);
+
     registry
 }

@@ -35,4 +35,4 @@ pub use run::{
 };
 pub use store::{ArchiveError, Archived, Collected, DEFAULT_STORE_LIMIT, Store, StoreStat, TypeStat, Verified};
 pub use value::{Summary, Value, ValueError};
-pub use values::{Number, Report};
+pub use values::{Number, Report, ReportFile};

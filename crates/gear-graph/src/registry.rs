@@ -20,6 +20,8 @@ pub struct NodeSpec {
     pub doc: &'static str,
     /// Whether equal inputs give equal bits.
     pub deterministic: bool,
+    /// [`Node::KEPT`].
+    pub kept: bool,
     /// Everything that its results' bits depend on besides the version, sorted.
     pub numerics: Vec<Numerics>,
     /// Input ports, in order.
@@ -39,6 +41,7 @@ impl NodeSpec {
             version: N::VERSION,
             doc: N::DOC,
             deterministic: N::DETERMINISTIC,
+            kept: N::KEPT,
             numerics: numerics(N::USES, inputs.iter().chain(&outputs).map(|port| port.value_type)),
             inputs,
             outputs,

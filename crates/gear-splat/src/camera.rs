@@ -310,6 +310,16 @@ impl Camera {
         }
     }
 
+    /// Whole-pixel offset (x, y) from this picture to another that looks along the same rays: what is at (x, y) here is at
+    /// (x + dx, y + dy) there. `None` if the rays differ.
+    pub fn offset_to(&self, other: &Self) -> Option<(isize, isize)> {
+        let same = self.rotation == other.rotation
+            && self.translation == other.translation
+            && self.projection == other.projection;
+        let [dx, dy] = [0, 1].map(|k| other.principal[k] - self.principal[k]);
+        (same && dx == dx.round() && dy == dy.round()).then_some((dx as isize, dy as isize))
+    }
+
     /// True when every number is finite, the picture has pixels and the projection magnifies.
     pub fn is_valid(&self) -> bool {
         let scale = match self.projection {

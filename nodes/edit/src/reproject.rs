@@ -66,15 +66,6 @@ struct Seen {
     inside: bool,
 }
 
-/// Whole-pixel offset (x, y) from the view to the painting when both look along the same rays.
-pub(crate) fn offset(view: &Camera, painter: &Camera) -> Option<(isize, isize)> {
-    let same = view.rotation == painter.rotation
-        && view.translation == painter.translation
-        && view.projection == painter.projection;
-    let [dx, dy] = [0, 1].map(|k| painter.principal[k] - view.principal[k]);
-    (same && dx == dx.round() && dy == dy.round()).then_some((dx as isize, dy as isize))
-}
-
 /// What the painting tells of a view that looks along the painter's own rays: itself, exactly, on its mask (the
 /// second raster).
 pub(crate) fn same_rays(source: &Source, view: &View, (dx, dy): (isize, isize)) -> (SrgbImage, Mask) {

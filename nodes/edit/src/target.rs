@@ -32,7 +32,7 @@ pub(crate) enum Told {
 
 impl Told {
     pub fn of(source: &Source, view: &View, buffers: &Buffers) -> Self {
-        match reproject::offset(&view.camera, &source.camera) {
+        match view.camera.offset_to(&source.camera) {
             Some(offset) => {
                 let (rgb, mask) = reproject::same_rays(source, view, offset);
                 Self::All(rgb, mask)

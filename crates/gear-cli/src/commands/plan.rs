@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use gear_graph::{Digest, Graph, PlannedState, Registry, Run, Store};
+use gear_service::Services;
 use gear_splat::{Device, Fallback};
 
 use crate::args::PlanArgs;
@@ -94,6 +95,7 @@ pub fn set_up<'g>(args: &PlanArgs, graph: &'g Graph, store: Option<Arc<Store>>) 
     }
     let fallback = Fallback::telling(|why| Console::new().warning(why)).unless_required();
     run = run.resource(Device::open(&args.device, fallback).map_err(CliError::Device)?);
+    run = run.resource(Services::from_process());
     if args.no_elision {
         run = run.no_elision();
     }

@@ -92,6 +92,13 @@ impl Context {
         }
     }
 
+    /// The same at once, for what must not be lost: an answer that was paid for.
+    pub fn keep_unfinished_now(&self, state: &[u8]) {
+        if let Some(unfinished) = &self.unfinished {
+            unfinished.keep_now(state);
+        }
+    }
+
     /// The action is done.
     pub(crate) fn forget_unfinished(&self) {
         if let Some(unfinished) = &self.unfinished {
@@ -163,6 +170,7 @@ impl Context {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::InMemory;
 
     #[test]
     fn an_interrupted_context_stops_at_the_next_checkpoint() {
@@ -171,23 +179,6 @@ mod tests {
         assert!(ctx.checkpoint().is_ok());
         flag.store(true, Ordering::Relaxed);
         assert!(matches!(ctx.checkpoint(), Err(NodeError::Cancelled)));
-    }
-
-    #[derive(Default)]
-    struct InMemory(Mutex<Option<Vec<u8>>>);
-
-    impl Unfinished for InMemory {
-        fn last(&self) -> Option<Vec<u8>> {
-            self.0.lock().unwrap().clone()
-        }
-
-        fn keep(&self, state: &[u8]) {
-            *self.0.lock().unwrap() = Some(state.to_vec());
-        }
-
-        fn forget(&self) {
-            *self.0.lock().unwrap() = None;
-        }
     }
 
     #[test]
@@ -199,6 +190,8 @@ mod tests {
         let eager = ctx(Duration::ZERO);
         eager.keep_unfinished(&|| vec![1, 2]);
         assert_eq!(patient.unfinished(), Some(vec![1, 2]));
+        patient.keep_unfinished_now(&[3]);
+        assert_eq!(eager.unfinished(), Some(vec![3]));
         eager.forget_unfinished();
         assert_eq!(ctx(Duration::ZERO).unfinished(), None);
         assert_eq!(Context::detached().unfinished(), None);

@@ -54,6 +54,10 @@ pub trait Node: Params {
     /// such, and its results are not stored unless the run asks for it ([`crate::Run::cache_nondeterministic`]).
     const DETERMINISTIC: bool = true;
 
+    /// Whether results are stored without being asked for. A node that asks a service says `true` although it is not
+    /// deterministic: its answer was paid for and stands until somebody asks afresh ([`crate::Run::fresh`]).
+    const KEPT: bool = Self::DETERMINISTIC;
+
     /// The input ports.
     type Inputs: Inputs;
 

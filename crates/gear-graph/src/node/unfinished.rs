@@ -52,6 +52,13 @@ impl Keeping {
         }
     }
 
+    pub fn keep_now(&self, state: &[u8]) {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        self.used.store(true, Ordering::Relaxed);
+        self.place.keep(state);
+        *last = Instant::now();
+    }
+
     pub fn forget(&self) {
         if self.used.swap(false, Ordering::Relaxed) {
             self.place.forget();

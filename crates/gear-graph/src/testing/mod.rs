@@ -18,10 +18,12 @@
 mod cases;
 mod codec;
 mod extremes;
+mod in_memory;
 mod purity;
 mod subject;
 
 pub use codec::assert_codec;
+pub use in_memory::InMemory;
 pub use subject::Subject;
 
 use crate::{Context, Fields, Inputs, Node, NodeError, NodeType, Outputs, Params, Problem, Span, Tree, Want};

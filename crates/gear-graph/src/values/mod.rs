@@ -4,4 +4,4 @@ mod number;
 mod report;
 
 pub use number::Number;
-pub use report::Report;
+pub use report::{Report, ReportFile};

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::{Digest, Summary, Value, ValueError};
+use crate::{Context, Digest, FileSource, Loader, NodeError, Params, Summary, Value, ValueError};
 
 /// Any JSON value; by habit an object of named figures.
 ///
@@ -66,10 +66,48 @@ impl Value for Report {
     }
 }
 
+/// Largest JSON file that is read.
+const LARGEST: usize = 64 << 20;
+
+/// A report from a JSON file: a workflow, recorded facts, figures of another program.
+#[derive(Clone, Debug, Params)]
+pub struct ReportFile {}
+
+impl Loader for ReportFile {
+    const VERSION: u32 = 1;
+    type Value = Report;
+
+    fn load(&self, file: &FileSource, _: &Context) -> Result<Report, NodeError> {
+        let bytes = file.read()?;
+        if bytes.len() > LARGEST {
+            let found = bytes.len() >> 20;
+            return Err(NodeError::new(format!(
+                "found {found} MiB; a JSON file of at most {} MiB is read",
+                LARGEST >> 20
+            )));
+        }
+        serde_json::from_slice(&bytes)
+            .map(Report)
+            .map_err(|error| NodeError::new(format!("expected a JSON file, found something else ({error})")))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn a_file_is_read_or_told_to_be_no_json() {
+        let load = |text: &str| {
+            ReportFile {}.load(
+                &FileSource::bytes("a.json", text.as_bytes().to_vec()),
+                &Context::detached(),
+            )
+        };
+        assert_eq!(load("{\"a\": [1]}").unwrap().0, json!({"a": [1]}));
+        assert!(load("a: 1").unwrap_err().to_string().contains("expected a JSON file"));
+    }
 
     #[test]
     fn order_of_keys_is_kept_but_does_not_count() {

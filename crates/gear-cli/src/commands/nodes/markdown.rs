@@ -81,8 +81,8 @@ fn row(spec: &NodeSpec) -> String {
 pub fn node(spec: &NodeSpec, level: usize) -> String {
     let mut text = format!("{} {}\n\n{}\n\n", "#".repeat(level), spec.name, plain(spec.doc));
     let _ = writeln!(text, "Version {}.{}", spec.version, used(&spec.numerics));
-    if !spec.deterministic {
-        text.push_str("Not deterministic: its results are not kept unless asked for.\n");
+    if let Some(remark) = super::not_deterministic(spec) {
+        let _ = writeln!(text, "{remark}");
     }
     ports(&mut text, "Inputs", &spec.inputs, true);
     ports(&mut text, "Outputs", &spec.outputs, false);

@@ -74,15 +74,26 @@ fn list(registry: &Registry) -> String {
     text
 }
 
-const NOT_DETERMINISTIC: &str = "\n  Not deterministic: equal inputs may give other bits. Its results are kept only with --cache-nondeterministic.\n";
+/// What is said of a node that cannot promise the same bits.
+pub(super) fn not_deterministic(spec: &NodeSpec) -> Option<&'static str> {
+    match (spec.deterministic, spec.kept) {
+        (true, _) => None,
+        (false, true) => Some(
+            "Not deterministic: equal inputs may give other bits. Its results are kept all the same; --fresh asks again.",
+        ),
+        (false, false) => Some(
+            "Not deterministic: equal inputs may give other bits. Its results are kept only with --cache-nondeterministic.",
+        ),
+    }
+}
 
 fn describe(spec: &NodeSpec) -> String {
     let mut text = format!("{}, version {}\n\n", spec.name, spec.version);
     for line in spec.doc.trim().lines() {
         let _ = writeln!(text, "  {}", line.trim());
     }
-    if !spec.deterministic {
-        text.push_str(NOT_DETERMINISTIC);
+    if let Some(remark) = not_deterministic(spec) {
+        let _ = writeln!(text, "\n  {remark}");
     }
     ports(&mut text, "inputs", &spec.inputs, true);
     ports(&mut text, "outputs", &spec.outputs, false);

@@ -142,7 +142,13 @@ impl Machine<'_> {
         if !self.cacheable(slot) {
             return None;
         }
-        self.store.as_ref()?.lookup(key)
+        let found = self.store.as_ref()?.lookup(key)?;
+        // Computing it again would give something else: an answer that is lost is a question to be asked anew.
+        let lost = match (&found, self.graph.node_at(site)) {
+            (Record::Done(done), Some(node)) if !node.spec.deterministic => !self.stored(&done.value),
+            _ => false,
+        };
+        (!lost).then_some(found)
     }
 
     /// Whether the value with this digest can be had from the store.
@@ -151,11 +157,7 @@ impl Machine<'_> {
     }
 
     pub fn cacheable(&self, slot: u32) -> bool {
-        self.run.cache_nondeterministic
-            || self
-                .graph
-                .node_at(self.site_of(slot))
-                .is_none_or(|node| node.spec.deterministic)
+        self.run.cache_nondeterministic || self.graph.node_at(self.site_of(slot)).is_none_or(|node| node.spec.kept)
     }
 
     /// The bits of ports that may be asked for by these names; `None` if one may not.

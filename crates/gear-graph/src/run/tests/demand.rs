@@ -1,5 +1,7 @@
 //! Demand, plans and realms.
 
+use std::sync::Arc;
+
 use super::kit::*;
 use crate::*;
 
@@ -121,6 +123,46 @@ fn what_is_not_deterministic_is_never_cached() {
     assert_eq!(first.report.ran(), ["dice", "add"]);
     assert_eq!(second.report.ran(), ["dice", "add"]);
     assert_ne!(first.digest("sum"), second.digest("sum"));
+}
+
+/// Another answer each time, each worth keeping.
+#[derive(Clone, Debug, Params)]
+struct Oracle {}
+
+impl Node for Oracle {
+    const NAME: &str = "Oracle";
+    const VERSION: u32 = 1;
+    const DETERMINISTIC: bool = false;
+    const KEPT: bool = true;
+    type Inputs = FloorIn;
+    type Outputs = AddOut;
+
+    fn run(&self, inputs: FloorIn, _: &Want, _: &Context) -> Result<AddOut, NodeError> {
+        use std::sync::atomic::{AtomicU32, Ordering};
+        static ASKED: AtomicU32 = AtomicU32::new(0);
+        Ok(AddOut {
+            sum: Arc::new(Number(inputs.x.0 + f64::from(ASKED.fetch_add(1, Ordering::Relaxed)))),
+        })
+    }
+}
+
+#[test]
+fn an_answer_stands_until_it_is_asked_for_afresh() {
+    let mut registry = Registry::new();
+    registry.value::<Number>().node::<Oracle>();
+    let body = "gear: 1\ninputs: {x: Number}\nnodes: {n: {node: Oracle, in: {x: x}}}\noutputs: {y: n.sum}\n";
+    let (graph, shelf) = (
+        GraphSource::new("oracle.yaml", body).check(&registry).unwrap(),
+        Shelf::new(),
+    );
+    let run = || Run::new(&graph).input_value("x", Number(0.0)).store(shelf.open());
+    let answer = |run: Run<'_>| number(&run.go().unwrap(), "y");
+    let first = answer(run());
+    assert_eq!(answer(run()), first);
+    let second = answer(run().fresh("n"));
+    assert_ne!(second, first);
+    assert_eq!(answer(run()), second);
+    assert!(!run().go().unwrap().report.node("n").unwrap().deterministic);
 }
 
 #[test]
