@@ -85,6 +85,8 @@ pub enum Command {
     Render(RenderArgs),
     /// List the samples, or paint one, with its true depth and normals beside it
     Sample(SampleArgs),
+    /// Run variants of a graph over many pictures, and compare them in tables
+    Study(crate::commands::study::StudyArgs),
 }
 
 /// Which graph.

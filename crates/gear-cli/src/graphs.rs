@@ -15,16 +15,17 @@ pub struct Shipped {
     pub text: &'static str,
 }
 
-/// The graphs that come with gear: the files of `graphs/`.
+macro_rules! embed {
+    ($($name:literal),* $(,)?) => {
+        &[$(Shipped {
+            name: $name,
+            text: include_str!(concat!("../../../graphs/", $name, ".yaml")),
+        }),*]
+    };
+}
+
+/// The graphs that come with gear: the files of `graphs/`, without the experiments.
 pub fn shipped() -> &'static [Shipped] {
-    macro_rules! embed {
-        ($($name:literal),* $(,)?) => {
-            &[$(Shipped {
-                name: $name,
-                text: include_str!(concat!("../../../graphs/", $name, ".yaml")),
-            }),*]
-        };
-    }
     embed![
         "gear",
         "baselines/raw",
@@ -38,6 +39,25 @@ pub fn shipped() -> &'static [Shipped] {
         "services/comfyui",
     ]
 }
+
+/// The experiments that come with gear: studies and curves.
+pub fn experiments() -> &'static [Shipped] {
+    embed![
+        "studies/table-1",
+        "studies/table-3",
+        "studies/table-4",
+        "studies/table-5",
+        "studies/table-6",
+        "studies/alpha",
+        "studies/collection",
+    ]
+}
+
+/// What experiments read besides: collections of pictures.
+const MANIFESTS: &[(&str, &str)] = &[(
+    "studies/collection.csv",
+    include_str!("../../../graphs/studies/collection.csv"),
+)];
 
 impl Shipped {
     /// What it is for: the first comment line.
@@ -53,8 +73,9 @@ impl Shipped {
 
 /// The shipped graph of that name.
 pub fn find(name: &str) -> Result<&'static Shipped, CliError> {
-    shipped().iter().find(|graph| graph.name == name).ok_or_else(|| {
-        let names: Vec<_> = shipped().iter().map(|graph| graph.name).collect();
+    let all = || shipped().iter().chain(experiments());
+    all().find(|graph| graph.name == name).ok_or_else(|| {
+        let names: Vec<_> = all().map(|graph| graph.name).collect();
         let help = match nearest(name, names.iter().copied()) {
             Some(near) => format!("did you mean `@{near}`?"),
             None => format!("there are {}", names.join(", ")),
@@ -68,7 +89,8 @@ pub fn find(name: &str) -> Result<&'static Shipped, CliError> {
 
 /// Where graphs are found: on disk, and those that come with gear.
 pub fn library() -> Library {
-    Library::holding(shipped().iter().map(|graph| (graph.name, graph.text)))
+    let yaml = shipped().iter().chain(experiments()).map(|file| (file.name, file.text));
+    Library::holding(yaml.chain(MANIFESTS.iter().copied()))
 }
 
 /// Reads and checks the graph that was asked for, as one whose inputs are given as files; its warnings are the
@@ -130,7 +152,11 @@ mod tests {
             })
             .collect();
         names.sort();
-        let mut embedded: Vec<_> = shipped().iter().map(|graph| graph.name.to_owned()).collect();
+        let files = shipped().iter().chain(experiments()).map(|file| file.name.to_owned());
+        let manifests = MANIFESTS
+            .iter()
+            .map(|(name, _)| name.trim_end_matches(".csv").to_owned());
+        let mut embedded: Vec<_> = files.chain(manifests).collect();
         embedded.sort();
         assert_eq!(names, embedded);
     }
@@ -143,6 +169,16 @@ mod tests {
             let source = GraphSource::open(format!("@{}", graph.name), &library()).unwrap();
             let checked = source.check(&registry).unwrap();
             assert!(checked.warnings().is_empty(), "{}", checked.warnings());
+        }
+    }
+
+    #[test]
+    fn every_shipped_experiment_is_clean_and_says_what_it_is_for() {
+        let registry = crate::registry();
+        for file in experiments() {
+            assert!(file.summary().len() > 20, "{}", file.name);
+            let checked = crate::commands::study::mistakes(&format!("@{}", file.name), file.text, &registry);
+            assert!(checked.is_none(), "{}: {}", file.name, checked.unwrap().render(false));
         }
     }
 

@@ -4,7 +4,7 @@ use std::ffi::{OsStr, OsString};
 
 use gear_graph::{Graph, GraphInput, Input, NodeError};
 use gear_image::Image;
-use gear_sample::{Options, Sample};
+use gear_sample::{Background, Condition, Options, Sample};
 
 use crate::error::CliError;
 
@@ -75,10 +75,10 @@ fn working_size(graph: &Graph, input: &GraphInput) -> usize {
 
 /// A sample, painted only when its pixels are needed.
 fn sampled(sample: &str, input: &GraphInput, longer_side: usize) -> Result<Input, CliError> {
-    let options = Options {
-        longer_side,
-        ..Options::default()
-    };
+    let (name, options) = request(sample, longer_side).map_err(|problem| CliError::SampleOption {
+        asked: format!("--input {}=sample:{sample}", input.name),
+        problem,
+    })?;
     let encode: fn(Sample) -> Result<Vec<u8>, String> = match input.value_type.name {
         "Image" => |sample| gear_image::io::png_bytes(&sample.painting),
         "Mask" => |sample| gear_image::io::png_bytes(&white_on_black(&sample)),
@@ -90,23 +90,63 @@ fn sampled(sample: &str, input: &GraphInput, longer_side: usize) -> Result<Input
             });
         }
     };
-    if !gear_sample::names().contains(&sample) {
+    if !gear_sample::names().contains(&name.as_str()) {
         return Err(CliError::Sample {
             asked: format!("--input {}=sample:{sample}", input.name),
-            cause: gear_sample::SampleError::UnknownName {
-                found: sample.to_owned(),
-            },
+            cause: gear_sample::SampleError::UnknownName { found: name },
         });
     }
+    let usual = Options {
+        longer_side,
+        ..Options::default()
+    };
+    let how = match options == usual {
+        true => String::new(),
+        false => format!(" {options:?}"),
+    };
     let key = format!(
-        "sample {SAMPLE_VERSION} {sample} {} {}",
-        options.longer_side, input.value_type.name
+        "sample {SAMPLE_VERSION} {name} {longer_side} {}{how}",
+        input.value_type.name
     );
-    let name = sample.to_owned();
     Ok(Input::made(format!("sample:{sample}"), &key, move || {
         let painted = gear_sample::paint(&name, &options).map_err(|e| NodeError::because("no such sample", e))?;
         encode(painted).map_err(NodeError::new)
     }))
+}
+
+/// Reads `NAME,OPTION=VALUE,…`.
+fn request(sample: &str, longer_side: usize) -> Result<(String, Options), String> {
+    let mut options = Options {
+        longer_side,
+        ..Options::default()
+    };
+    let mut parts = sample.split(',');
+    let name = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (option, value) = part.split_once('=').unwrap_or((part, ""));
+        let unknown = |what: &str, among: &str| Err(format!("{what} `{value}` is not known; expected {among}"));
+        match option {
+            "seed" => options.seed = value.parse().or_else(|_| unknown("the seed", "a whole number"))?,
+            "condition" => match value {
+                "paint" => options.condition = Condition::Paint,
+                "photo" => options.condition = Condition::Photo,
+                "flat" => options.condition = Condition::Flat,
+                _ => return unknown("the condition", "paint, photo or flat"),
+            },
+            "background" => match value {
+                "plain" => options.background = Background::Plain,
+                "textured" => options.background = Background::Textured,
+                "bordered" => options.background = Background::Bordered,
+                _ => return unknown("the background", "plain, textured or bordered"),
+            },
+            _ => {
+                return Err(format!(
+                    "a sample has no option `{option}`; it has seed, condition and background"
+                ));
+            }
+        }
+    }
+    Ok((name, options))
 }
 
 fn white_on_black(sample: &Sample) -> Image {
@@ -147,6 +187,19 @@ mod tests {
         assert!(key(64).is_some());
         assert_eq!(key(64), key(64));
         assert_ne!(key(64), key(65));
+    }
+
+    #[test]
+    fn a_sample_is_another_input_with_other_options() {
+        let key = |sample: &str| key_of(&parsed(&[&format!("painting=sample:{sample}")], 64).unwrap()[0].1);
+        assert_eq!(key("vessel"), key("vessel,condition=paint,seed=1"));
+        for other in ["vessel,seed=2", "vessel,condition=flat", "vessel,background=plain"] {
+            assert_ne!(key("vessel"), key(other), "{other}");
+        }
+        let message = parsed(&["painting=sample:vessel,condition=wet"], 64)
+            .unwrap_err()
+            .to_string();
+        assert!(message.contains("wet") && message.contains("photo"), "{message}");
     }
 
     #[test]

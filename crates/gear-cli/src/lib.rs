@@ -122,6 +122,7 @@ fn dispatch(command: &Command, registry: &Registry, console: &Console) -> Result
         Command::Convert(options) => commands::convert::convert(options, console),
         Command::Render(options) => commands::render::render(options, console),
         Command::Sample(options) => commands::sample::sample(options, console),
+        Command::Study(options) => commands::study::study(options, registry, console),
     }
 }
 

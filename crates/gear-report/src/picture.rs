@@ -100,7 +100,7 @@ pub struct Pixels {
 }
 
 /// The page's ground, shown where there is nothing: `--paper` of the style sheet.
-const PAPER: [u8; 3] = [250, 248, 243];
+pub(crate) const PAPER: [u8; 3] = [250, 248, 243];
 
 /// One sRGB-encoded value in [0, 1] as a byte; NaN is 0.
 fn byte(x: f32) -> u8 {
@@ -113,6 +113,28 @@ impl Pixels {
             width,
             height,
             data: samples.iter().flat_map(|&sample| f(sample)).collect(),
+        }
+    }
+
+    /// A raster of one colour.
+    pub(crate) fn filled(width: usize, height: usize, colour: [u8; 3]) -> Self {
+        Self {
+            width,
+            height,
+            data: colour.repeat(width * height),
+        }
+    }
+
+    /// Width and height in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// Lays another raster over this one; all of it must be inside.
+    pub(crate) fn paste(&mut self, other: &Self, left: usize, top: usize) {
+        for (y, row) in other.data.chunks_exact(other.width * 3).enumerate() {
+            let start = ((top + y) * self.width + left) * 3;
+            self.data[start..start + row.len()].copy_from_slice(row);
         }
     }
 

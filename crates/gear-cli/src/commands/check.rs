@@ -4,6 +4,7 @@ use gear_graph::{GraphSource, Mistakes, Registry, Severity, Unreadable};
 use serde_json::{Value, json};
 
 use crate::args::{CheckArgs, CheckFormat};
+use crate::commands::study;
 use crate::console::Console;
 use crate::error::{CliError, Exit};
 use crate::graphs;
@@ -12,6 +13,11 @@ use crate::graphs;
 const FORMAT: u32 = 1;
 
 pub fn check(args: &CheckArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    if let Ok(text) = graphs::library().read(&args.graph.graph)
+        && study::is_experiment(&text)
+    {
+        return experiment(args, &text, registry, console);
+    }
     if args.format == CheckFormat::Json {
         return Ok(for_programs(args, registry, console));
     }
@@ -26,6 +32,25 @@ pub fn check(args: &CheckArgs, registry: &Registry, console: &Console) -> Result
         graph.nodes().len(),
         graph.outputs().len()
     ));
+    Ok(Exit::Done)
+}
+
+/// A study or a curve instead of a graph.
+fn experiment(args: &CheckArgs, text: &str, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    let name = &args.graph.graph;
+    let found = study::mistakes(name, text, registry).unwrap_or_default();
+    if args.format == CheckFormat::Json {
+        let answer = json!({
+            "format": FORMAT, "graph": name, "files": [name], "errors": found.problems().len(), "warnings": 0,
+            "mistakes": found.to_json(),
+        });
+        console.result(&format!("{answer:#}"));
+        return Ok(if found.is_empty() { Exit::Done } else { Exit::Mistake });
+    }
+    if !found.is_empty() {
+        return Err(CliError::Graph(found));
+    }
+    console.result(&format!("{name}: no mistakes"));
     Ok(Exit::Done)
 }
 

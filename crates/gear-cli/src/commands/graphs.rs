@@ -7,20 +7,21 @@ use crate::bundle::File;
 use crate::console::Console;
 use crate::error::{CliError, Exit};
 use crate::folder::Folder;
-use crate::graphs::{self, Shipped, shipped};
+use crate::graphs::{self, Shipped, experiments, shipped};
 
 pub fn graphs(command: &GraphsCommand, console: &Console) -> Result<Exit, CliError> {
     match command {
         GraphsCommand::List => {
-            let width = shipped().iter().map(|graph| graph.name.len() + 1).max().unwrap_or(0);
-            for graph in shipped() {
+            let all = || shipped().iter().chain(experiments());
+            let width = all().map(|graph| graph.name.len() + 1).max().unwrap_or(0);
+            for graph in all() {
                 console.result(&format!("{:<width$}  {}", format!("@{}", graph.name), graph.summary()));
             }
         }
         GraphsCommand::Copy { name, to } => {
             let wanted: Vec<&Shipped> = match name {
                 Some(name) => vec![graphs::find(name.trim_start_matches('@').trim_end_matches(".yaml"))?],
-                None => shipped().iter().collect(),
+                None => shipped().iter().chain(experiments()).collect(),
             };
             copy(&wanted, to, console)?;
         }

@@ -12,4 +12,5 @@ pub mod render;
 pub mod run;
 pub mod sample;
 pub mod schema;
+pub mod study;
 pub mod why;

@@ -159,7 +159,7 @@ fn how_to_show(quiet: bool, console: &Console) -> Show {
 }
 
 /// What the first Ctrl-C raises. The second ends the process.
-fn interruption() -> Cancel {
+pub fn interruption() -> Cancel {
     let cancel = Cancel::new();
     let raised = cancel.clone();
     let installed = ctrlc::set_handler(move || {

@@ -42,7 +42,15 @@ pub use schema::schema;
 pub use suggest::nearest;
 
 use crate::registry::{AnyLoader, AnyNode};
-use crate::{LoaderSpec, NodeSpec, ParamValues, Registry, Store, Tree, ValueType};
+use crate::{LoaderSpec, NodeSpec, ParamValues, Problem, Registry, Store, Tree, ValueType};
+
+/// Reads YAML with the place of everything in it, as graph files are read, for other files that people write. What is
+/// wrong with it, keys that repeat included, points into source number `source`.
+pub fn read_yaml(text: &str, source: u32, problems: &mut Vec<Problem>) -> Option<Tree> {
+    let tree = yaml::parse(text, source, problems)?;
+    yaml::duplicate_keys(&tree, problems);
+    Some(tree)
+}
 
 /// The version of graph files that is read.
 pub const GRAPH_VERSION: i64 = 1;

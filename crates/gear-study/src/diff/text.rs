@@ -1,0 +1,130 @@
+//! The comparison of two runs for people.
+
+use std::fmt::Write;
+
+use super::compare::{Comparison, Fate};
+
+/// Several lines; what is the same is only counted.
+pub fn text(comparison: &Comparison) -> String {
+    let mut text = String::new();
+    let mut section = |title: &str, lines: Vec<String>| {
+        if !lines.is_empty() {
+            let _ = writeln!(text, "{}{title}", if text.is_empty() { "" } else { "\n" });
+            for line in lines {
+                let _ = writeln!(text, "  {line}");
+            }
+        }
+    };
+    let or_nothing = |value: &str| {
+        if value.is_empty() {
+            "nothing".to_owned()
+        } else {
+            value.to_owned()
+        }
+    };
+    let facts = comparison.facts.iter();
+    section(
+        "the runs",
+        facts
+            .map(|f| format!("{}: {} → {}", f.what, or_nothing(&f.a), or_nothing(&f.b)))
+            .collect(),
+    );
+    let nodes = &comparison.nodes;
+    let changed = nodes.iter().flat_map(|node| {
+        let changes = node.changed.iter();
+        changes.map(move |c| format!("{}.{}: {} → {}", node.id, c.what, or_nothing(&c.a), or_nothing(&c.b)))
+    });
+    section("what was changed", changed.collect());
+
+    let width = nodes.iter().map(|node| node.id.chars().count()).max().unwrap_or(0);
+    let same = nodes.iter().filter(|node| node.fate == Fate::Same).count();
+    let mut results: Vec<String> = nodes
+        .iter()
+        .filter(|node| !matches!(node.fate, Fate::Same | Fate::Neither))
+        .map(|node| {
+            let of = match (node.fate, node.status.0.as_str(), node.status.1.as_str()) {
+                (Fate::OneRun, a, b) => format!(" ({} → {})", or_nothing(a), or_nothing(b)),
+                _ => String::new(),
+            };
+            format!("{:<width$}  {}{of}", node.id, node.fate.words())
+        })
+        .collect();
+    if same > 0 {
+        results.push(format!("{same} nodes and inputs have the same keys and results"));
+    }
+    section("results", results);
+
+    let mut outputs = Vec::new();
+    for output in comparison.outputs.iter().filter(|output| !output.same) {
+        let norms: Vec<_> = output
+            .norms
+            .iter()
+            .map(|(name, value)| format!("{name} {}", short(*value)))
+            .collect();
+        let said = [norms.join(", "), output.remark.clone()];
+        let said: Vec<_> = said.into_iter().filter(|part| !part.is_empty()).collect();
+        outputs.push(format!(
+            "{} ({}): {}",
+            output.name,
+            output.type_name,
+            match said.is_empty() {
+                true => "it differs".to_owned(),
+                false => said.join("; "),
+            }
+        ));
+        for (place, a, b) in &output.numbers {
+            let told = |n: &Option<f64>| n.map_or("nothing".to_owned(), short);
+            let by = match (a, b) {
+                (Some(a), Some(b)) => format!("  ({}{})", if b >= a { "+" } else { "−" }, short((b - a).abs())),
+                _ => String::new(),
+            };
+            outputs.push(format!("  {place}: {} → {}{by}", told(a), told(b)));
+        }
+    }
+    let same = comparison.outputs.iter().filter(|output| output.same).count();
+    if same > 0 {
+        outputs.push(format!(
+            "{same} of {} outputs are the same to the last bit",
+            comparison.outputs.len()
+        ));
+    }
+    section("outputs", outputs);
+
+    let timed = nodes.iter().filter_map(|node| match node.seconds {
+        (Some(a), Some(b)) if a.max(b) >= 0.01 => Some(format!(
+            "{:<width$}  {:>8} s → {:>8} s{}",
+            node.id,
+            format!("{a:.2}"),
+            format!("{b:.2}"),
+            match (node.status.0.as_str(), node.status.1.as_str()) {
+                ("cached", "cached") => "  (both when they were stored)",
+                ("cached", _) => "  (the first when it was stored)",
+                (_, "cached") => "  (the second when it was stored)",
+                _ => "",
+            }
+        )),
+        _ => None,
+    });
+    section("seconds of nodes", timed.collect());
+    text
+}
+
+/// Four significant digits.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 {
+        "0".to_owned()
+    } else if (0.001..100_000.0).contains(&size) {
+        let mut digits = 0;
+        while digits < 6 && size * f64::from(10u32.pow(digits)) < 1000.0 {
+            digits += 1;
+        }
+        let text = format!("{value:.*}", digits as usize);
+        match text.contains('.') {
+            true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+            false => text,
+        }
+    } else {
+        format!("{value:.2e}")
+    }
+}

@@ -1,0 +1,277 @@
+//! Planning and running a study.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use gear_graph::{
+    AnyValue, Digest, Input, NodeStatus, Number, Outcome, PlannedState, Report, Run, RunMistake, RunStatus, Store,
+};
+use gear_report::picture::Pixels;
+use gear_splat::Views;
+
+use super::cases::{Case, Samples, Source};
+use super::file::{Measure, Study, Variant};
+use super::results::{Results, Row, Shown};
+use super::share::identities;
+
+/// What a study needs of whoever runs it.
+pub struct Host<'h> {
+    /// Paints samples.
+    pub samples: &'h dyn Samples,
+    /// Where results are kept and shared.
+    pub store: Arc<Store>,
+    /// Adds threads, devices and observers to a run.
+    pub lend: &'h (dyn for<'g> Fn(Run<'g>) -> Run<'g> + 'h),
+    /// Stops the study when it becomes true.
+    pub cancel: Arc<AtomicBool>,
+}
+
+/// Something that happened in a study.
+#[derive(Clone, Debug)]
+pub enum Step<'s> {
+    /// A case goes through a variant.
+    Begins {
+        /// How many of all pairs are done.
+        done: usize,
+        /// All pairs.
+        of: usize,
+        /// The case.
+        case: &'s str,
+        /// The variant.
+        variant: &'s str,
+    },
+    /// It has gone through.
+    Done {
+        /// What came out.
+        row: &'s Row,
+    },
+}
+
+/// What a study would do.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Forecast {
+    /// Pairs of a case and a variant.
+    pub pairs: usize,
+    /// Nodes that all pairs need, each counted for itself: what would run if nothing were shared or stored.
+    pub needed: usize,
+    /// Nodes of those whose results are stored.
+    pub stored: usize,
+    /// Node executions, with everything shared.
+    pub runs: usize,
+    /// Executions that depend on values that are not known yet.
+    pub may_run: usize,
+    /// The same by variant, in their order: what each adds to those before it.
+    pub by_variant: Vec<usize>,
+    /// Pairs that cannot begin, and why.
+    pub mistakes: Vec<String>,
+}
+
+impl std::fmt::Display for Forecast {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let shared = self.needed.saturating_sub(self.stored + self.runs + self.may_run);
+        write!(
+            f,
+            "{} node executions{} instead of {}: {} are shared between variants, {} are stored",
+            self.runs,
+            match self.may_run {
+                0 => String::new(),
+                some => format!(", and {some} that depend on values not known yet,"),
+            },
+            self.needed,
+            shared,
+            self.stored
+        )
+    }
+}
+
+impl Study {
+    /// What would be computed; nothing is.
+    pub fn forecast(&self, host: &Host<'_>) -> Forecast {
+        let mut forecast = Forecast::default();
+        let identities: Vec<_> = self.variants.iter().map(|variant| identities(&variant.graph)).collect();
+        forecast.by_variant = vec![0; self.variants.len()];
+        for case in &self.cases {
+            let mut seen: HashMap<Digest, ()> = HashMap::new();
+            for (v, variant) in self.variants.iter().enumerate() {
+                forecast.pairs += 1;
+                let planned = self
+                    .set_up(case, variant, host)
+                    .and_then(|run| run.plan().map_err(|m| mistakes(&m)));
+                let plan = match planned {
+                    Ok(plan) => plan,
+                    Err(mistake) => {
+                        forecast
+                            .mistakes
+                            .push(format!("{} · {}: {mistake}", case.name, variant.name));
+                        continue;
+                    }
+                };
+                for node in plan.nodes.iter().filter(|node| !node.input) {
+                    let counter = match node.state {
+                        PlannedState::Runs => &mut forecast.runs,
+                        PlannedState::MayRun => &mut forecast.may_run,
+                        PlannedState::Cached => &mut forecast.stored,
+                        _ => continue,
+                    };
+                    forecast.needed += 1;
+                    let fresh = match identities[v].get(node.id.as_str()) {
+                        Some(identity) if node.state != PlannedState::Cached => seen.insert(*identity, ()).is_none(),
+                        _ => true,
+                    };
+                    if fresh {
+                        *counter += 1;
+                        forecast.by_variant[v] += usize::from(node.state != PlannedState::Cached);
+                    }
+                }
+            }
+        }
+        forecast
+    }
+
+    /// Runs everything, telling what happens. Rows come case by case; an interruption ends them early.
+    pub fn run(&self, host: &Host<'_>, tell: &mut dyn FnMut(Step<'_>)) -> Results {
+        let of = self.cases.len() * self.variants.len();
+        let mut results = Results::default();
+        let identities: Vec<_> = self.variants.iter().map(|variant| identities(&variant.graph)).collect();
+        'cases: for (c, case) in self.cases.iter().enumerate() {
+            let mut times: HashMap<Digest, usize> = HashMap::new();
+            for (v, variant) in self.variants.iter().enumerate() {
+                let done = results.rows.len();
+                tell(Step::Begins {
+                    done,
+                    of,
+                    case: &case.name,
+                    variant: &variant.name,
+                });
+                let row = self.row((c, case), (v, variant), host);
+                if host.cancel.load(Ordering::Relaxed) {
+                    results.interrupted = true;
+                    break 'cases;
+                }
+                for node in &row.ran {
+                    if let Some(identity) = identities[v].get(node.as_str()) {
+                        let times = times.entry(*identity).or_default();
+                        *times += 1;
+                        results.repeated += usize::from(*times > 1);
+                    }
+                }
+                tell(Step::Done { row: &row });
+                results.rows.push(row);
+            }
+        }
+        results
+    }
+
+    /// One case through one variant. Whatever goes wrong is in the row.
+    fn row(&self, (c, case): (usize, &Case), (v, variant): (usize, &Variant), host: &Host<'_>) -> Row {
+        let mut row = Row {
+            case: c,
+            variant: v,
+            values: vec![None; self.measures.len()],
+            ..Row::default()
+        };
+        let run = match self.set_up(case, variant, host) {
+            Ok(run) => run,
+            Err(failure) => {
+                row.failure = Some(failure);
+                return row;
+            }
+        };
+        let outcome = match run.go() {
+            Ok(outcome) => outcome,
+            Err(found) => {
+                row.failure = Some(mistakes(&found));
+                return row;
+            }
+        };
+        let report = &outcome.report;
+        row.seconds = report.seconds;
+        for node in report.nodes.iter().filter(|node| !node.input) {
+            match node.status {
+                NodeStatus::Ran => row.ran.push(node.id.clone()),
+                NodeStatus::Cached => row.stored += 1,
+                _ => {}
+            }
+        }
+        if report.status != RunStatus::Done {
+            let failure = report.failures.first().map(|failure| failure.to_string());
+            row.failure = Some(failure.unwrap_or_else(|| "it did not end".to_owned()));
+        }
+        let mut values: BTreeMap<&str, Option<AnyValue>> = BTreeMap::new();
+        for (slot, measure) in row.values.iter_mut().zip(&self.measures) {
+            let value = values
+                .entry(&measure.output)
+                .or_insert_with(|| outcome.value(&measure.output));
+            *slot = value.as_ref().and_then(|value| measure.read(value));
+        }
+        if let Some(views) = &self.views {
+            row.shown = shown(&outcome, views);
+        }
+        row
+    }
+
+    fn set_up<'g>(&self, case: &Case, variant: &'g Variant, host: &Host<'_>) -> Result<Run<'g>, String> {
+        let graph = &variant.graph;
+        let input = |name: &str, source: &Source| {
+            let input = graph.inputs().iter().find(|input| input.name == name);
+            let input = input.ok_or_else(|| format!("the graph has no input `{name}`"))?;
+            match source {
+                Source::File(path) => Ok(Input::file(path)),
+                Source::Sample(sample) => host.samples.input(sample, input, graph),
+            }
+        };
+        let mut run = Run::new(graph)
+            .store(Arc::clone(&host.store))
+            .cancel(Arc::clone(&host.cancel))
+            .input(self.input.clone(), input(&self.input, &case.picture)?);
+        if let (Some(name), Some(mask)) = (&self.mask, &case.mask) {
+            run = run.input(name.clone(), input(name, mask)?);
+        }
+        let mut outputs: Vec<String> = self.measures.iter().map(|measure| measure.output.clone()).collect();
+        outputs.extend(self.views.clone());
+        outputs.sort();
+        outputs.dedup();
+        Ok((host.lend)(run.outputs(outputs)))
+    }
+}
+
+impl Measure {
+    /// The number in a value of its output; `None` if it is undefined there.
+    pub fn read(&self, value: &AnyValue) -> Option<f64> {
+        if let Some(number) = value.get::<Number>() {
+            return self.path.is_empty().then_some(number.0);
+        }
+        number_at(&value.get::<Report>()?.0, &self.path)
+    }
+}
+
+/// A number in a report.
+pub(crate) fn number_at(report: &serde_json::Value, path: &[String]) -> Option<f64> {
+    let mut place = report;
+    for name in path {
+        place = match place {
+            serde_json::Value::Array(items) => items.get(name.parse::<usize>().ok()?)?,
+            other => other.get(name)?,
+        };
+    }
+    place.as_f64()
+}
+
+/// Longer side of the views that are kept for pages and ballots, in pixels.
+const VIEW: usize = 400;
+
+fn shown(outcome: &Outcome<'_>, output: &str) -> Vec<Shown> {
+    let Some(views) = outcome.value(output).and_then(|value| value.get::<Views>()) else {
+        return Vec::new();
+    };
+    let shown = views.views.iter().map(|view| Shown {
+        name: view.name.clone(),
+        pixels: Pixels::of_view(view).at_most(VIEW),
+    });
+    shown.collect()
+}
+
+pub(crate) fn mistakes(found: &[RunMistake]) -> String {
+    found.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+}
