@@ -87,6 +87,10 @@ pub enum Command {
     Sample(SampleArgs),
     /// Run variants of a graph over many pictures, and compare them in tables
     Study(crate::commands::study::StudyArgs),
+    /// Measure what accuracy costs: error against run time, as CSV and as a diagram
+    Curve(crate::commands::curve::CurveArgs),
+    /// Tell what differs between two runs: parameters, keys, outputs, times
+    Diff(crate::commands::diff::DiffArgs),
 }
 
 /// Which graph.

@@ -151,6 +151,20 @@ pub enum CliError {
         /// Why.
         cause: String,
     },
+    /// A curve cannot be measured.
+    #[error(transparent)]
+    Curve(#[from] gear_study::curve::run::CurveError),
+    /// A table of a curve cannot be read.
+    #[error("{file}: {cause}")]
+    CurveTable {
+        /// The file.
+        file: String,
+        /// Why.
+        cause: gear_study::curve::table::BadTable,
+    },
+    /// A record of a run cannot be read.
+    #[error(transparent)]
+    Record(#[from] gear_study::diff::BadRecord),
     /// A file is in the way.
     #[error("{}: exists already; remove it, or copy elsewhere with --to DIR", file.display())]
     InTheWay {
@@ -198,6 +212,8 @@ impl CliError {
     pub fn exit(&self) -> Exit {
         match self {
             Self::Write { .. } | Self::StandardOutput { .. } | Self::Encode { .. } | Self::Store { .. } => Exit::Failed,
+            Self::Curve(gear_study::curve::run::CurveError::Interrupted) => Exit::Interrupted,
+            Self::Curve(_) => Exit::Failed,
             Self::Run(mistakes) if mistakes.contains(&RunMistake::Interrupted) => Exit::Interrupted,
             Self::NoThreads { .. } => Exit::Failed,
             Self::Run(mistakes) if mistakes.iter().any(|m| matches!(m, RunMistake::NoThread { .. })) => Exit::Failed,

@@ -50,6 +50,11 @@ pub fn experiments() -> &'static [Shipped] {
         "studies/table-6",
         "studies/alpha",
         "studies/collection",
+        "curves/pyramid",
+        "curves/shading",
+        "curves/gaussians",
+        "curves/refine",
+        "curves/depth-maps",
     ]
 }
 

@@ -123,6 +123,8 @@ fn dispatch(command: &Command, registry: &Registry, console: &Console) -> Result
         Command::Render(options) => commands::render::render(options, console),
         Command::Sample(options) => commands::sample::sample(options, console),
         Command::Study(options) => commands::study::study(options, registry, console),
+        Command::Curve(options) => commands::curve::curve(options, registry, console),
+        Command::Diff(options) => commands::diff::diff(options, registry, console),
     }
 }
 

@@ -163,15 +163,23 @@ impl Made {
         self.text.push('}');
     }
 
-    /// Where the study says what stands at a place of this text: the innermost part that holds the place.
+    /// Where the study says what stands at a place of this text: the innermost part that holds the place. Within a part
+    /// that was taken over as it stood, the very place.
     fn back(&self, span: Span) -> Span {
         let at = span.start as usize;
         let holding = self.parts.iter().find(|(start, end, _)| *start <= at && at < *end);
         let nearest = || self.parts.iter().rev().find(|(start, ..)| *start <= at);
-        holding
-            .or_else(nearest)
-            .or(self.parts.first())
-            .map(|(.., place)| *place)
-            .unwrap_or_default()
+        let Some((start, end, place)) = holding.or_else(nearest).or(self.parts.first()) else {
+            return Span::default();
+        };
+        let within = at.saturating_sub(*start) as u32;
+        if end - start != place.len as usize || within >= place.len {
+            return *place;
+        }
+        Span {
+            start: place.start + within,
+            len: span.len.min(place.len - within),
+            ..*place
+        }
     }
 }

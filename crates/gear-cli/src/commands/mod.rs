@@ -3,6 +3,8 @@
 pub mod cache;
 pub mod check;
 pub mod convert;
+pub mod curve;
+pub mod diff;
 pub mod graph;
 pub mod graphs;
 pub mod new_node;

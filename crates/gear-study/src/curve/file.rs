@@ -167,7 +167,7 @@ fn read(
     let top = reader.map(tree, "a curve file")?;
     reader.keys(top, "a curve file", &KEYS);
     version(top, "curve", CURVE_VERSION, tree, reader);
-    let mut needed = |key: &str, reader: &mut Reader| {
+    let needed = |key: &str, reader: &mut Reader| {
         let found = get(top, key);
         if found.is_none() {
             let message = format!("the curve has no `{key}`");
@@ -257,7 +257,7 @@ fn read(
             .find(|input| !input.optional)
             .map(|input| input.name.clone()),
     };
-    let mut count = |key: &str, default: usize, reader: &mut Reader| {
+    let count = |key: &str, default: usize, reader: &mut Reader| {
         get(top, key).map_or(Some(default), |tree| reader.count(tree, &format!("`{key}`"), 0..=1000))
     };
     let repeats = count("repeats", 3, reader);

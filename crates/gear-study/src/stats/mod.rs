@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn equal_data_give_equal_intervals_and_constants_have_none_of_width() {
-        let values = [1.0, 2.0, 4.0, 8.0];
+        let values = [1.03, 2.71, 4.4, 8.19, 0.37, 5.93, 7.11, 3.07];
         assert_eq!(bootstrap(&values, 9), bootstrap(&values, 9));
         assert_ne!(bootstrap(&values, 9), bootstrap(&values, 10));
         let same = bootstrap(&[2.0; 5], 9).unwrap();

@@ -128,7 +128,8 @@ impl Results {
             cells.push(format!("{:.3}", row.seconds));
             cells.push(row.ran.len().to_string());
             cells.push(row.stored.to_string());
-            cells.push(row.failure.clone().unwrap_or_default());
+            // One row, one line: what people read with `grep`.
+            cells.push(row.failure.clone().unwrap_or_default().replace('\n', "; "));
             text.push_str(&line(cells.into_iter()));
         }
         text

@@ -9,6 +9,8 @@ use std::time::Instant;
 use clap::Args;
 use gear_graph::{Mistakes, Registry, Run, Store};
 use gear_splat::{Device, DeviceChoice, Fallback};
+use gear_study::curve::Plan;
+use gear_study::curve::file::is_curve;
 use gear_study::study::{self, Host, Step, Study};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -163,12 +165,15 @@ fn forecast(study: &Study, host: &Host<'_>, console: &Console) -> Exit {
 
 /// Whether a file is an experiment instead of a graph.
 pub fn is_experiment(text: &str) -> bool {
-    study::file::is_study(text)
+    study::file::is_study(text) || is_curve(text)
 }
 
 /// What is wrong with an experiment; `None` if nothing is.
 pub fn mistakes(name: &str, text: &str, registry: &Registry) -> Option<Mistakes> {
-    Study::read(name, text, &graphs::library(), registry, &Painter).err()
+    match is_curve(text) {
+        true => Plan::read(name, text, &graphs::library(), registry, &Painter).err(),
+        false => Study::read(name, text, &graphs::library(), registry, &Painter).err(),
+    }
 }
 
 /// A bar on a terminal, a line a row in a log.

@@ -1,0 +1,77 @@
+//! `gear curve`: error against run time.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use gear_graph::Registry;
+use gear_study::curve::front::better_than_default;
+use gear_study::curve::{Curve, Plan};
+use gear_study::study::Host;
+
+use crate::bundle::File;
+use crate::commands::run::interruption;
+use crate::commands::study::{Machine, Painter};
+use crate::console::Console;
+use crate::error::{CliError, Exit};
+use crate::folder::Folder;
+use crate::graphs;
+
+/// `gear curve`.
+#[derive(Debug, Args)]
+pub struct CurveArgs {
+    /// A curve file, or `@curves/NAME` for one that comes with gear; a table in CSV is drawn again
+    pub curve: String,
+    /// Where table and diagram go; made if it is not there
+    #[arg(long, value_name = "DIR", default_value = "curves")]
+    pub out: PathBuf,
+    /// How and where it runs.
+    #[command(flatten)]
+    pub machine: Machine,
+}
+
+pub fn curve(args: &CurveArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    let folder = Folder::probe(&args.out)?;
+    let library = graphs::library();
+    let text = library.read(&args.curve)?;
+    let name = Path::new(args.curve.trim_start_matches('@')).file_stem();
+    let name = name.unwrap_or_default().to_string_lossy().into_owned();
+    let curve = match args.curve.ends_with(".csv") {
+        true => Curve::parse(&text).map_err(|cause| CliError::CurveTable {
+            file: args.curve.clone(),
+            cause,
+        })?,
+        false => {
+            let plan = Plan::read(&args.curve, &text, &library, registry, &Painter).map_err(CliError::Graph)?;
+            measure(&plan, &args.machine, console)?
+        }
+    };
+    let mut files = vec![File::new(format!("{name}.csv"), curve.csv().into_bytes())];
+    files.extend(curve.svg().map(|svg| File::new(format!("{name}.svg"), svg.into_bytes())));
+    for file in files {
+        console.result(&folder.write(&file)?.display().to_string());
+    }
+    match better_than_default(&curve) {
+        Ok(better) if better.is_empty() => console.remark("the default is on the front, within 10 %"),
+        Ok(better) => {
+            let labels: Vec<_> = better.iter().map(|point| point.label.as_str()).collect();
+            console.remark(&format!("better than the default by more than 10 %: {}", labels.join(" | ")));
+        }
+        Err(why) => console.remark(&why),
+    }
+    Ok(Exit::Done)
+}
+
+fn measure(plan: &Plan, machine: &Machine, console: &Console) -> Result<Curve, CliError> {
+    let lender = machine.lender()?;
+    let host = Host {
+        samples: &Painter,
+        store: machine.open_store()?,
+        lend: &lender,
+        cancel: interruption(),
+    };
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let words = format!("{} threads, {}", machine.jobs.map_or(cores, usize::from), std::env::consts::ARCH);
+    Ok(plan.measure(&host, &words, &mut |point| {
+        console.remark(&format!("{}: {:.4} s, error {:.3e}", point.label, point.seconds, point.error));
+    })?)
+}
