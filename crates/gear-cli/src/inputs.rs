@@ -124,20 +124,20 @@ fn request(sample: &str, longer_side: usize) -> Result<(String, Options), String
     let name = parts.next().unwrap_or_default().to_owned();
     for part in parts {
         let (option, value) = part.split_once('=').unwrap_or((part, ""));
-        let unknown = |what: &str, among: &str| Err(format!("{what} `{value}` is not known; expected {among}"));
+        let unknown = |what: &str, among: &str| format!("{what} `{value}` is not known; expected {among}");
         match option {
-            "seed" => options.seed = value.parse().or_else(|_| unknown("the seed", "a whole number"))?,
+            "seed" => options.seed = value.parse().map_err(|_| unknown("the seed", "a whole number"))?,
             "condition" => match value {
                 "paint" => options.condition = Condition::Paint,
                 "photo" => options.condition = Condition::Photo,
                 "flat" => options.condition = Condition::Flat,
-                _ => return unknown("the condition", "paint, photo or flat"),
+                _ => return Err(unknown("the condition", "paint, photo or flat")),
             },
             "background" => match value {
                 "plain" => options.background = Background::Plain,
                 "textured" => options.background = Background::Textured,
                 "bordered" => options.background = Background::Bordered,
-                _ => return unknown("the background", "plain, textured or bordered"),
+                _ => return Err(unknown("the background", "plain, textured or bordered")),
             },
             _ => {
                 return Err(format!(

@@ -45,7 +45,10 @@ pub fn curve(args: &CurveArgs, registry: &Registry, console: &Console) -> Result
             measure(&plan, &args.machine, console)?
         }
     };
-    let mut files = vec![File::new(format!("{name}.csv"), curve.csv().into_bytes())];
+    // The picture shows what stands in the table, to the digit.
+    let csv = curve.csv();
+    let curve = Curve::parse(&csv).unwrap_or(curve);
+    let mut files = vec![File::new(format!("{name}.csv"), csv.into_bytes())];
     files.extend(curve.svg().map(|svg| File::new(format!("{name}.svg"), svg.into_bytes())));
     for file in files {
         console.result(&folder.write(&file)?.display().to_string());

@@ -99,12 +99,12 @@ pub struct Setting {
 /// A count of operations.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Operations {
-    /// The value of a knob.
-    Knob {
-        /// Number of the knob.
-        knob: usize,
-        /// Its name.
-        name: String,
+    /// The product of the values of knobs.
+    Knobs {
+        /// Numbers of the knobs.
+        knobs: Vec<usize>,
+        /// Their names.
+        names: Vec<String>,
     },
     /// A number in a report that the graph puts out.
     Report {
@@ -118,7 +118,7 @@ pub enum Operations {
 impl std::fmt::Display for Operations {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Knob { name, .. } => write!(f, "{name}"),
+            Self::Knobs { names, .. } => write!(f, "{}", names.join(" × ")),
             Self::Report { output, path } => write!(f, "{}", path.last().unwrap_or(output)),
         }
     }
@@ -487,27 +487,27 @@ fn place(tree: &Tree, what: &str, graph: &Graph, reader: &mut Reader) -> Option<
     Some((given.value, path.collect()))
 }
 
-/// `{knob: NAME}` or `{of: OUTPUT.PLACE}`.
+/// `{knob: NAME}`, `{knob: [NAME, NAME]}` or `{of: OUTPUT.PLACE}`.
 fn read_operations(tree: &Tree, knobs: &[Knob], graph: &Graph, reader: &mut Reader) -> Option<Operations> {
     let entries = reader.map(tree, "`operations`")?;
     reader.keys(entries, "`operations`", &["knob", "of"]);
     if let Some(tree) = get(entries, "knob") {
-        let name = reader.text(tree, "`knob`", "the name of a knob")?;
         let names: Vec<&str> = knobs.iter().map(|knob| knob.name.as_str()).collect();
-        let Some(knob) = names.iter().position(|known| *known == name) else {
-            let help = did_you_mean(name, names.iter().copied());
-            reader.error(
-                "unknown-knob",
-                format!("no knob is named `{name}`"),
-                tree.span,
-                "no knob",
-                help,
-            );
-            return None;
-        };
-        return Some(Operations::Knob {
-            knob,
-            name: name.to_owned(),
+        let mut counted = Vec::new();
+        let given = reader.words(tree, "`knob`");
+        for name in &given {
+            match names.iter().position(|known| *known == name.value) {
+                Some(knob) => counted.push(knob),
+                None => {
+                    let help = did_you_mean(&name.value, names.iter().copied());
+                    let message = format!("no knob is named `{}`", name.value);
+                    reader.error("unknown-knob", message, name.span, "no knob", help);
+                }
+            }
+        }
+        return (!counted.is_empty()).then(|| Operations::Knobs {
+            names: counted.iter().map(|knob| names[*knob].to_owned()).collect(),
+            knobs: counted,
         });
     }
     let (output, path) = place(get(entries, "of")?, "`of`", graph, reader)?;

@@ -1,10 +1,12 @@
 //! Curves of a small graph.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use gear_graph::{Library, Run, Store};
 
+use super::front::better_than_default;
 use super::*;
 use crate::study::Host;
 use crate::testing::{ANSWER, Notes, registry};
@@ -87,5 +89,45 @@ fn every_mistake_is_told_at_once() {
         "-2",
     ] {
         assert!(told.contains(says), "{says} in {told}");
+    }
+}
+
+/// The files of a folder of the repository with an extension, sorted: stem and text.
+fn files(folder: &str, extension: &str) -> Vec<(String, String)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(folder);
+    let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let paths = paths.filter(|path| path.extension().is_some_and(|e| e == extension));
+    let stem = |path: &Path| path.file_stem().unwrap().to_string_lossy().into_owned();
+    let mut files: Vec<_> = paths.map(|path| (stem(&path), std::fs::read_to_string(&path).unwrap())).collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn every_shipped_default_is_on_its_front_or_a_decision_says_why() {
+    let tables = files("docs/curves", "csv");
+    assert!(!tables.is_empty());
+    for (name, text) in tables {
+        let curve = Curve::parse(&text).unwrap_or_else(|e| panic!("{name}.csv, {e}"));
+        let better = better_than_default(&curve).unwrap_or_else(|e| panic!("{name}: {e}"));
+        if better.is_empty() {
+            continue;
+        }
+        let labels: Vec<_> = better.iter().map(|point| point.label.as_str()).collect();
+        let decision = curve.decision.as_deref().unwrap_or("none");
+        let decisions = files("docs/decisions", "md");
+        let record = decisions.iter().find(|(file, _)| file.starts_with(&format!("{decision}-")));
+        let says_why = record.is_some_and(|(_, text)| text.contains(&name));
+        assert!(says_why, "{name}: {labels:?} beat the default by more than 10 %, and decision {decision} does not say why");
+    }
+}
+
+#[test]
+fn the_pictures_of_the_book_are_drawn_from_the_tables() {
+    let pictures = files("docs/curves", "svg");
+    for (name, text) in files("docs/curves", "csv") {
+        let drawn = Curve::parse(&text).unwrap().svg().unwrap();
+        let picture = pictures.iter().find(|(file, _)| *file == name);
+        assert!(picture.is_some_and(|(_, svg)| *svg == drawn), "{name}.svg is another; draw it: gear curve docs/curves/{name}.csv --out docs/curves");
     }
 }
