@@ -24,6 +24,8 @@ mod bad_input_is_refused_and_nothing_is_written;
 mod every_node_bears_extreme_input;
 #[path = "system/every_shipped_graph_runs.rs"]
 mod every_shipped_graph_runs;
+#[path = "system/experiments_run_from_the_command_line.rs"]
+mod experiments_run_from_the_command_line;
 #[path = "system/odd_input_runs_with_a_note.rs"]
 mod odd_input_runs_with_a_note;
 #[path = "system/only_what_changed_runs.rs"]

@@ -253,7 +253,7 @@ fn short(value: f64) -> String {
         return "0".to_owned();
     }
     let size = value.abs();
-    let text = if (0.001..10_000.0).contains(&size) {
+    if (0.001..10_000.0).contains(&size) {
         let digits = (2 - log10(size).floor() as i32).max(0) as usize;
         let text = format!("{value:.digits$}");
         match text.contains('.') {
@@ -265,8 +265,7 @@ fn short(value: f64) -> String {
         let (number, power) = text.split_once('e').unwrap_or((&text, "0"));
         let number = number.trim_end_matches('0').trim_end_matches('.');
         format!("{number}e{power}")
-    };
-    text
+    }
 }
 
 fn escaped(text: &str) -> String {

@@ -49,7 +49,11 @@ pub fn curve(args: &CurveArgs, registry: &Registry, console: &Console) -> Result
     let csv = curve.csv();
     let curve = Curve::parse(&csv).unwrap_or(curve);
     let mut files = vec![File::new(format!("{name}.csv"), csv.into_bytes())];
-    files.extend(curve.svg().map(|svg| File::new(format!("{name}.svg"), svg.into_bytes())));
+    files.extend(
+        curve
+            .svg()
+            .map(|svg| File::new(format!("{name}.svg"), svg.into_bytes())),
+    );
     for file in files {
         console.result(&folder.write(&file)?.display().to_string());
     }
@@ -57,7 +61,10 @@ pub fn curve(args: &CurveArgs, registry: &Registry, console: &Console) -> Result
         Ok(better) if better.is_empty() => console.remark("the default is on the front, within 10 %"),
         Ok(better) => {
             let labels: Vec<_> = better.iter().map(|point| point.label.as_str()).collect();
-            console.remark(&format!("better than the default by more than 10 %: {}", labels.join(" | ")));
+            console.remark(&format!(
+                "better than the default by more than 10 %: {}",
+                labels.join(" | ")
+            ));
         }
         Err(why) => console.remark(&why),
     }
@@ -73,8 +80,15 @@ fn measure(plan: &Plan, machine: &Machine, console: &Console) -> Result<Curve, C
         cancel: interruption(),
     };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let words = format!("{} threads, {}", machine.jobs.map_or(cores, usize::from), std::env::consts::ARCH);
+    let words = format!(
+        "{} threads, {}",
+        machine.jobs.map_or(cores, usize::from),
+        std::env::consts::ARCH
+    );
     Ok(plan.measure(&host, &words, &mut |point| {
-        console.remark(&format!("{}: {:.4} s, error {:.3e}", point.label, point.seconds, point.error));
+        console.remark(&format!(
+            "{}: {:.4} s, error {:.3e}",
+            point.label, point.seconds, point.error
+        ));
     })?)
 }

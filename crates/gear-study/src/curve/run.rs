@@ -160,9 +160,9 @@ impl Plan {
 
     fn operations(&self, setting: &Setting, outcome: &Outcome<'_>) -> Option<f64> {
         match self.operations.as_ref()? {
-            Operations::Knobs { knobs, .. } => {
-                knobs.iter().try_fold(1.0, |product, knob| Some(product * (*setting.numbers.get(*knob)?)?))
-            }
+            Operations::Knobs { knobs, .. } => knobs
+                .iter()
+                .try_fold(1.0, |product, knob| Some(product * (*setting.numbers.get(*knob)?)?)),
             Operations::Report { output, path } => {
                 let report = outcome.value(output)?.get::<gear_graph::Report>()?;
                 number_at(&report.0, path)

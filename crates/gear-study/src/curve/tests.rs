@@ -98,14 +98,16 @@ fn files(folder: &str, extension: &str) -> Vec<(String, String)> {
     let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let paths = paths.filter(|path| path.extension().is_some_and(|e| e == extension));
     let stem = |path: &Path| path.file_stem().unwrap().to_string_lossy().into_owned();
-    let mut files: Vec<_> = paths.map(|path| (stem(&path), std::fs::read_to_string(&path).unwrap())).collect();
+    let mut files: Vec<_> = paths
+        .map(|path| (stem(&path), std::fs::read_to_string(&path).unwrap()))
+        .collect();
     files.sort();
     files
 }
 
 #[test]
 fn every_shipped_default_is_on_its_front_or_a_decision_says_why() {
-    let tables = files("docs/curves", "csv");
+    let tables = files("docs/src/curves", "csv");
     assert!(!tables.is_empty());
     for (name, text) in tables {
         let curve = Curve::parse(&text).unwrap_or_else(|e| panic!("{name}.csv, {e}"));
@@ -116,18 +118,26 @@ fn every_shipped_default_is_on_its_front_or_a_decision_says_why() {
         let labels: Vec<_> = better.iter().map(|point| point.label.as_str()).collect();
         let decision = curve.decision.as_deref().unwrap_or("none");
         let decisions = files("docs/decisions", "md");
-        let record = decisions.iter().find(|(file, _)| file.starts_with(&format!("{decision}-")));
+        let record = decisions
+            .iter()
+            .find(|(file, _)| file.starts_with(&format!("{decision}-")));
         let says_why = record.is_some_and(|(_, text)| text.contains(&name));
-        assert!(says_why, "{name}: {labels:?} beat the default by more than 10 %, and decision {decision} does not say why");
+        assert!(
+            says_why,
+            "{name}: {labels:?} beat the default by more than 10 %, and decision {decision} does not say why"
+        );
     }
 }
 
 #[test]
 fn the_pictures_of_the_book_are_drawn_from_the_tables() {
-    let pictures = files("docs/curves", "svg");
-    for (name, text) in files("docs/curves", "csv") {
+    let pictures = files("docs/src/curves", "svg");
+    for (name, text) in files("docs/src/curves", "csv") {
         let drawn = Curve::parse(&text).unwrap().svg().unwrap();
         let picture = pictures.iter().find(|(file, _)| *file == name);
-        assert!(picture.is_some_and(|(_, svg)| *svg == drawn), "{name}.svg is another; draw it: gear curve docs/curves/{name}.csv --out docs/curves");
+        assert!(
+            picture.is_some_and(|(_, svg)| *svg == drawn),
+            "{name}.svg is another; draw it: gear curve docs/src/curves/{name}.csv --out docs/src/curves"
+        );
     }
 }
