@@ -8,6 +8,8 @@ fn names(desk: &Desk) -> Vec<String> {
     let names: Vec<_> = list
         .lines()
         .filter_map(|line| line.split_whitespace().next().map(str::to_owned))
+        // Experiments are no graphs; they have commands of their own.
+        .filter(|name| !name.starts_with("@studies/") && !name.starts_with("@curves/"))
         .collect();
     assert!(names[0] == "@gear" && names.len() >= 8, "{list}");
     names

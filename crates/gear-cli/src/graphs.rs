@@ -64,6 +64,12 @@ const MANIFESTS: &[(&str, &str)] = &[(
     include_str!("../../../graphs/studies/collection.csv"),
 )];
 
+/// The collection that an experiment of this name reads, with the name of its file.
+pub fn manifest_of(name: &str) -> Option<(&'static str, &'static str)> {
+    let found = MANIFESTS.iter().find(|(file, _)| file.trim_end_matches(".csv") == name);
+    found.copied()
+}
+
 impl Shipped {
     /// What it is for: the first comment line.
     pub fn summary(&self) -> &'static str {

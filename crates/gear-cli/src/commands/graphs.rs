@@ -32,15 +32,20 @@ pub fn graphs(command: &GraphsCommand, console: &Console) -> Result<Exit, CliErr
 /// Copies all or, if a file is in the way, none.
 fn copy(wanted: &[&Shipped], to: &Path, console: &Console) -> Result<(), CliError> {
     let folder = Folder::probe(to)?;
-    let name = |graph: &Shipped| format!("{}.yaml", graph.name);
+    let mut files = Vec::new();
     for graph in wanted {
-        let file = to.join(name(graph));
+        files.push((format!("{}.yaml", graph.name), graph.text));
+        // An experiment without its collection would not run.
+        files.extend(graphs::manifest_of(graph.name).map(|(name, text)| (name.to_owned(), text)));
+    }
+    for (name, _) in &files {
+        let file = to.join(name);
         if file.exists() {
             return Err(CliError::InTheWay { file });
         }
     }
-    for graph in wanted {
-        let path = folder.write(&File::new(name(graph), graph.text.as_bytes().to_vec()))?;
+    for (name, text) in files {
+        let path = folder.write(&File::new(name, text.as_bytes().to_vec()))?;
         console.result(&path.display().to_string());
     }
     Ok(())
