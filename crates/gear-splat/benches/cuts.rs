@@ -11,6 +11,8 @@
 //! The kernel is written out here, on a picture of random tilted discs, so that each choice can be turned; the rasterisers of
 //! the crate have the shipped ones built in. Nothing is timed: the tables are the same on every machine.
 
+use std::f64::consts::TAU;
+
 const SIDE: usize = 96;
 const DISCS: usize = 3000;
 const HEAD: &str = "label,family,seconds,operations,error,default";
@@ -194,7 +196,7 @@ fn share(disc: u64, which: u64) -> f64 {
 
 fn disc(i: u64) -> Disc {
     let (a, b) = (1.0 + 2.5 * share(i, 2), 0.6 + 1.4 * share(i, 3));
-    let (sin, cos) = (libm::sin(6.283 * share(i, 4)), libm::cos(6.283 * share(i, 4)));
+    let (sin, cos) = (libm::sin(TAU * share(i, 4)), libm::cos(TAU * share(i, 4)));
     let (ia, ib) = (1.0 / (a * a + 0.3), 1.0 / (b * b + 0.3));
     Disc {
         mean: [share(i, 0) * SIDE as f64, share(i, 1) * SIDE as f64],
