@@ -5,7 +5,6 @@
 //! comes behind the output that is compared is never run.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use gear_graph::{AnyValue, Input, NodeStatus, Outcome, Run, RunStatus};
 
@@ -99,7 +98,7 @@ impl Plan {
         };
         let mut run = Run::new(graph)
             .store(Arc::clone(&host.store))
-            .cancel(Arc::clone(&host.cancel))
+            .cancel(host.cancel.clone())
             .input(self.input.clone(), input(&self.input)?);
         if let (Some(mask), Source::Sample(_)) = (&self.mask, &self.picture) {
             run = run.input(mask.clone(), input(mask)?);
@@ -117,7 +116,7 @@ impl Plan {
         let outcome = (host.lend)(run.outputs(outputs))
             .go()
             .map_err(|found| failed(setting, mistakes(&found)));
-        if host.cancel.load(Ordering::Relaxed) {
+        if host.cancel.is_raised() {
             return Err(CurveError::Interrupted);
         }
         let outcome = outcome?;

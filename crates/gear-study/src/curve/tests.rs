@@ -2,9 +2,8 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
-use gear_graph::{Library, Run, Store};
+use gear_graph::{Cancel, Library, Run, Store};
 
 use super::front::better_than_default;
 use super::*;
@@ -38,7 +37,7 @@ fn measure(plan: &Plan) -> Curve {
         samples: &Notes,
         store: Arc::new(Store::open(folder.path())),
         lend: &as_it_is,
-        cancel: Arc::new(AtomicBool::new(false)),
+        cancel: Cancel::new(),
     };
     plan.measure(&host, "a test", &mut |_| {}).unwrap()
 }

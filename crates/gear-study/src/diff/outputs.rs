@@ -47,7 +47,7 @@ impl<'v> Values<'v> {
         let open = |record: &Record| {
             let path = store.map(Path::to_path_buf).or_else(|| record.store.clone())?;
             // Looking makes no store.
-            Store::exists(&path).then(|| Store::open(path))
+            Store::exists(&path).then(|| Store::look_at(path))
         };
         Self {
             registry,

@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use gear_graph::{
-    AnyValue, Digest, Input, NodeStatus, Number, Outcome, PlannedState, Report, Run, RunMistake, RunStatus, Store,
+    AnyValue, Cancel, Digest, Input, NodeStatus, Number, Outcome, PlannedState, Report, Run, RunMistake, RunStatus,
+    Store,
 };
 use gear_report::picture::Pixels;
 use gear_splat::Views;
@@ -23,8 +23,8 @@ pub struct Host<'h> {
     pub store: Arc<Store>,
     /// Adds threads, devices and observers to a run.
     pub lend: &'h (dyn for<'g> Fn(Run<'g>) -> Run<'g> + 'h),
-    /// Stops the study when it becomes true.
-    pub cancel: Arc<AtomicBool>,
+    /// Stops the study when it is raised.
+    pub cancel: Cancel,
 }
 
 /// Something that happened in a study.
@@ -145,7 +145,7 @@ impl Study {
                     variant: &variant.name,
                 });
                 let row = self.row((c, case), (v, variant), host);
-                if host.cancel.load(Ordering::Relaxed) {
+                if host.cancel.is_raised() {
                     results.interrupted = true;
                     break 'cases;
                 }
@@ -223,7 +223,7 @@ impl Study {
         };
         let mut run = Run::new(graph)
             .store(Arc::clone(&host.store))
-            .cancel(Arc::clone(&host.cancel))
+            .cancel(host.cancel.clone())
             .input(self.input.clone(), input(&self.input, &case.picture)?);
         if let (Some(name), Some(mask)) = (&self.mask, &case.mask) {
             run = run.input(name.clone(), input(name, mask)?);

@@ -1,9 +1,8 @@
 //! Studies of a small graph.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
-use gear_graph::{Library, Mistakes, Run, Store};
+use gear_graph::{Cancel, Library, Mistakes, Run, Store};
 
 use super::paper::{Verdict, compare};
 use super::*;
@@ -41,7 +40,7 @@ fn with_host<T>(store: &std::path::Path, work: impl FnOnce(&Host<'_>) -> T) -> T
         samples: &Notes,
         store: Arc::new(Store::open(store)),
         lend: &as_it_is,
-        cancel: Arc::new(AtomicBool::new(false)),
+        cancel: Cancel::new(),
     };
     let worked = work(&host);
     host.store.flush();
@@ -115,12 +114,14 @@ fn an_interrupted_study_ends_early_and_goes_on_later() {
     let folder = tempfile::tempdir().unwrap();
     let study = read(STUDY).unwrap();
     let results = with_host(folder.path(), |host| {
-        let cancel = Arc::clone(&host.cancel);
+        let cancel = host.cancel.clone();
         let mut rows = 0;
         study.run(host, &mut |step| {
             if let Step::Done { .. } = step {
                 rows += 1;
-                cancel.store(rows == 5, std::sync::atomic::Ordering::Relaxed);
+                if rows == 5 {
+                    cancel.raise();
+                }
             }
         })
     });
