@@ -1,5 +1,7 @@
 //! Samples for experiments: what `--input NAME=sample:…` gives.
 
+use std::ffi::OsString;
+
 use gear_graph::{Graph, GraphInput, GraphSource, Input};
 use gear_study::study::Samples;
 
@@ -22,7 +24,7 @@ impl Samples for Painter {
     }
 
     fn input(&self, sample: &str, input: &GraphInput, graph: &Graph) -> Result<Input, String> {
-        let given = [format!("{}=sample:{sample}", input.name)];
+        let given = [OsString::from(format!("{}=sample:{sample}", input.name))];
         let parsed = inputs::parse(&given, graph).map_err(|error| error.to_string())?;
         let parsed = parsed.into_iter().next().map(|(_, input)| input);
         parsed.ok_or_else(|| format!("there is no sample `{sample}`"))
