@@ -108,7 +108,7 @@ fn matched(inputs: &[Slot]) -> Option<Vec<Slot>> {
 }
 
 /// Makes the values of port `other` go with the first of port `anchor`, or that one with them. Whether anything changed.
-fn agree(inputs: &mut [Slot], anchor: usize, other: usize) -> bool {
+pub(super) fn agree(inputs: &mut [Slot], anchor: usize, other: usize) -> bool {
     let Some(first) = inputs[anchor].first().cloned() else {
         return false;
     };

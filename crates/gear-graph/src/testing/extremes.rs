@@ -19,7 +19,7 @@ const HANGS_AFTER: Duration = Duration::from_secs(120);
 const MOST_TOLD: usize = 12;
 
 /// Stack of a thread that runs a case, as the scheduler's threads have it.
-const STACK: usize = 2 << 20;
+pub(super) const STACK: usize = 2 << 20;
 
 /// What a node did with a case: the bits that came out, or its error's message.
 type Answer = Result<Bits, String>;
@@ -177,7 +177,7 @@ enum Fault {
 }
 
 /// Whether an error is one that a node may give to a user.
-fn sensible(error: &NodeError) -> Result<(), String> {
+pub(super) fn sensible(error: &NodeError) -> Result<(), String> {
     match error {
         NodeError::Cancelled => Err("says that it was interrupted, and was not".to_owned()),
         NodeError::Unknown { port } => Err(format!("takes the value of `{port}` before it has asked for it")),
@@ -188,7 +188,7 @@ fn sensible(error: &NodeError) -> Result<(), String> {
 }
 
 /// Whether a result can go on: no flaw, and it is the same when it comes back from the store.
-fn sound(value: &AnyValue) -> Result<(), String> {
+pub(super) fn sound(value: &AnyValue) -> Result<(), String> {
     if let Some(flaw) = value.flaw() {
         return Err(flaw);
     }
@@ -204,7 +204,7 @@ fn sound(value: &AnyValue) -> Result<(), String> {
     Ok(())
 }
 
-fn text(cause: &(dyn std::any::Any + Send)) -> String {
+pub(super) fn text(cause: &(dyn std::any::Any + Send)) -> String {
     let text = cause.downcast_ref::<&str>().map(ToString::to_string);
     text.or_else(|| cause.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "with no message".to_owned())

@@ -10,6 +10,8 @@
 //!                      value types of its ports declare
 //! assert_type          the last for a registered node type with each of its methods, known by name only
 //! assert_codec         the promises of every value type
+//! Subject::attempt_on  what a node does with given inputs, judged by whoever asked: see the catalogue of extreme cases
+//!                      in `gear-study`
 //! ```
 //!
 //! The assertions work on a [`Subject`], a node whose Rust type is forgotten, so that they serve one node in its own
@@ -21,10 +23,12 @@ mod extremes;
 mod in_memory;
 mod purity;
 mod subject;
+mod trial;
 
 pub use codec::assert_codec;
 pub use in_memory::InMemory;
 pub use subject::Subject;
+pub use trial::{Trial, Tried, fit};
 
 use crate::{Context, Fields, Inputs, Node, NodeError, NodeType, Outputs, Params, Problem, Span, Tree, Want};
 
