@@ -60,6 +60,7 @@ pub const CAUSES: &[Cause] = &[
     schema("missing-type", "an input has no type"),
     schema("unknown-value-type", "there is no such type of values"),
     schema("missing-node-type", "a node has no type"),
+    schema("missing-port", "a snapshot has no port"),
     schema("unknown-node-type", "there is no such type of nodes"),
     schema("unknown-port", "the node has no such input port"),
     schema("missing-input", "nothing is wired to a port that needs something"),

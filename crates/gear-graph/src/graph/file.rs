@@ -4,7 +4,8 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
 use super::overlay::Removed;
-use super::{GRAPH_VERSION, nearest};
+use super::snapshots::FileSnapshot;
+use super::{GRAPH_VERSION, nearest, snapshots};
 use crate::params::yaml_trap;
 use crate::{Problem, Spanned, Tree, TreeKind};
 
@@ -14,6 +15,7 @@ pub struct File<'t> {
     pub inputs: Vec<FileInput<'t>>,
     pub nodes: Vec<FileNode<'t>>,
     pub outputs: Vec<(&'t Spanned<String>, Spanned<&'t str>)>,
+    pub snapshots: Vec<FileSnapshot<'t>>,
 }
 
 pub struct FileInput<'t> {
@@ -42,7 +44,7 @@ pub(super) const LONGEST_NAME: usize = 60;
 /// What a run writes beside its outputs: `run.json` and `report.html`.
 pub(super) const RESERVED: [&str; 2] = ["run", "report"];
 
-type Entries<'t> = &'t [(Spanned<String>, Tree)];
+pub(super) type Entries<'t> = &'t [(Spanned<String>, Tree)];
 
 /// Reads a whole file, the versions apart. `None` if it is no map at all.
 pub fn read<'t>(tree: &'t Tree, removed: &'t Removed, problems: &mut Vec<Problem>) -> Option<File<'t>> {
@@ -51,12 +53,13 @@ pub fn read<'t>(tree: &'t Tree, removed: &'t Removed, problems: &mut Vec<Problem
         inputs: Vec::new(),
         nodes: Vec::new(),
         outputs: Vec::new(),
+        snapshots: Vec::new(),
     };
     let top = map(tree, "a graph file", problems)?;
     keys(
         top,
         "a graph file",
-        &["gear", "extends", "inputs", "nodes", "outputs"],
+        &["gear", "extends", "inputs", "nodes", "outputs", "snapshots"],
         problems,
     );
     for (name, tree) in section(top, "inputs", problems) {
@@ -66,11 +69,16 @@ pub fn read<'t>(tree: &'t Tree, removed: &'t Removed, problems: &mut Vec<Problem
         file.nodes.extend(node(id, tree, problems));
     }
     let outputs = section(top, "outputs", problems);
-    output_names(outputs, problems);
+    file_names("output", outputs, &RESERVED, problems);
     for (name, tree) in outputs {
         if let Some(source) = text(tree, &format!("output `{}`", name.value), "`node.port`", problems) {
             file.outputs.push((name, source));
         }
+    }
+    let snapshots = section(top, "snapshots", problems);
+    file_names("snapshot", snapshots, &[], problems);
+    for (name, tree) in snapshots {
+        file.snapshots.extend(snapshots::read(name, tree, problems));
     }
     if get(top, "outputs").is_none_or(|tree| match &tree.kind {
         TreeKind::Map(outputs) => outputs.is_empty(),
@@ -250,7 +258,9 @@ fn good_name(name: &Spanned<String>, what: &str, problems: &mut Vec<Problem>) {
         problems.push(
             Problem::error(
                 "bad-name",
-                format!("`{}` cannot be the name of an {what}", name.value).replace("an node", "a node"),
+                format!("`{}` cannot be the name of an {what}", name.value)
+                    .replace("an node", "a node")
+                    .replace("an snapshot", "a snapshot"),
                 name.span,
                 "not a name",
             )
@@ -261,17 +271,18 @@ fn good_name(name: &Spanned<String>, what: &str, problems: &mut Vec<Problem>) {
     }
 }
 
-/// Outputs become files beside the record of the run, also where capitals do not tell files apart.
-fn output_names(outputs: Entries<'_>, problems: &mut Vec<Problem>) {
+/// Outputs become files beside the record of the run, and snapshots files in one folder, also where capitals do not tell
+/// files apart.
+fn file_names(what: &str, entries: Entries<'_>, reserved: &[&str], problems: &mut Vec<Problem>) {
     let mut seen: HashMap<String, &Spanned<String>> = HashMap::new();
-    for (name, _) in outputs {
-        good_name(name, "output", problems);
+    for (name, _) in entries {
+        good_name(name, what, problems);
         let lower = name.value.to_lowercase();
-        if RESERVED.contains(&lower.as_str()) {
+        if reserved.contains(&lower.as_str()) {
             problems.push(
                 Problem::error(
                     "reserved-name",
-                    format!("an output cannot be named `{}`", name.value),
+                    format!("an {what} cannot be named `{}`", name.value),
                     name.span,
                     "taken",
                 )
@@ -287,7 +298,7 @@ fn output_names(outputs: Entries<'_>, problems: &mut Vec<Problem>) {
                 Problem::error(
                     "duplicate-name",
                     format!(
-                        "the outputs `{}` and `{}` differ only in capitals",
+                        "the {what}s `{}` and `{}` differ only in capitals",
                         first.get().value,
                         name.value
                     ),
@@ -315,7 +326,7 @@ pub fn extends<'t>(tree: &'t Tree, problems: &mut Vec<Problem>) -> Option<Spanne
     )
 }
 
-fn get<'t>(entries: Entries<'t>, key: &str) -> Option<&'t Tree> {
+pub(super) fn get<'t>(entries: Entries<'t>, key: &str) -> Option<&'t Tree> {
     entries.iter().rev().find(|(k, _)| k.value == key).map(|(_, tree)| tree)
 }
 
@@ -325,7 +336,7 @@ fn section<'t>(top: Entries<'t>, key: &str, problems: &mut Vec<Problem>) -> Entr
         .unwrap_or_default()
 }
 
-fn map<'t>(tree: &'t Tree, what: &str, problems: &mut Vec<Problem>) -> Option<Entries<'t>> {
+pub(super) fn map<'t>(tree: &'t Tree, what: &str, problems: &mut Vec<Problem>) -> Option<Entries<'t>> {
     match &tree.kind {
         TreeKind::Map(entries) => Some(entries),
         TreeKind::Null if what.starts_with('`') => Some(&[]),
@@ -341,7 +352,12 @@ fn map<'t>(tree: &'t Tree, what: &str, problems: &mut Vec<Problem>) -> Option<En
     }
 }
 
-fn text<'t>(tree: &'t Tree, what: &str, expected: &str, problems: &mut Vec<Problem>) -> Option<Spanned<&'t str>> {
+pub(super) fn text<'t>(
+    tree: &'t Tree,
+    what: &str,
+    expected: &str,
+    problems: &mut Vec<Problem>,
+) -> Option<Spanned<&'t str>> {
     match &tree.kind {
         TreeKind::Text(value) => Some(Spanned { value, span: tree.span }),
         _ => {
@@ -356,7 +372,7 @@ fn text<'t>(tree: &'t Tree, what: &str, expected: &str, problems: &mut Vec<Probl
     }
 }
 
-fn keys(entries: Entries<'_>, what: &str, known: &[&str], problems: &mut Vec<Problem>) {
+pub(super) fn keys(entries: Entries<'_>, what: &str, known: &[&str], problems: &mut Vec<Problem>) {
     for (key, _) in entries {
         if known.contains(&key.value.as_str()) {
             continue;

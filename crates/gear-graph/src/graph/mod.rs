@@ -30,6 +30,7 @@ mod plain;
 mod print;
 mod schema;
 mod set;
+mod snapshots;
 mod suggest;
 mod yaml;
 
@@ -39,6 +40,7 @@ pub use causes::{CAUSES, Cause};
 pub use library::{GraphFile, Library, Unreadable};
 pub use mistakes::{Mistakes, Source};
 pub use schema::schema;
+pub use snapshots::{GraphSnapshot, Norm};
 pub use suggest::nearest;
 
 use crate::registry::{AnyLoader, AnyNode};
@@ -62,6 +64,7 @@ pub struct Graph {
     pub(crate) inputs: Vec<GraphInput>,
     pub(crate) nodes: Vec<GraphNode>,
     pub(crate) outputs: Vec<GraphOutput>,
+    pub(crate) snapshots: Vec<GraphSnapshot>,
     /// First slot of every site, and the number of slots at the end.
     pub(crate) first_slot: Vec<u32>,
     /// Site of every slot.
@@ -266,6 +269,34 @@ impl Graph {
     /// The type of an output.
     pub fn output_type(&self, output: &GraphOutput) -> ValueType {
         self.slot_type(output.slot)
+    }
+
+    /// The ports that are pinned, in the order of the file.
+    pub fn snapshots(&self) -> &[GraphSnapshot] {
+        &self.snapshots
+    }
+
+    /// The `node.port` or the input that a snapshot is of.
+    pub fn snapshot_source(&self, snapshot: &GraphSnapshot) -> String {
+        self.slot_name(snapshot.slot)
+    }
+
+    /// The type of the value that a snapshot is of.
+    pub fn snapshot_type(&self, snapshot: &GraphSnapshot) -> ValueType {
+        self.slot_type(snapshot.slot)
+    }
+
+    /// The same graph with its snapshots, by their names, in place of its outputs. Keys do not change: they are those of
+    /// ports, and the ports are the same.
+    pub fn into_snapshots(self) -> Self {
+        let output = |snapshot: &GraphSnapshot| GraphOutput {
+            name: snapshot.name.clone(),
+            slot: snapshot.slot,
+        };
+        Self {
+            outputs: self.snapshots.iter().map(output).collect(),
+            ..self
+        }
     }
 
     /// What is wired to the input ports of a node: port and source (`node.port` or an input's name), by port.

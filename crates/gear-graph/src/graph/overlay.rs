@@ -1,9 +1,9 @@
 //! A graph over another: names that the overlay gives replace those of its base.
 //!
-//! Inputs, nodes and outputs are replaced by name; within a node or an input, `in` is replaced port by port and `with`
-//! parameter by parameter. A method with parameters of its own is merged with the same method and replaces another
+//! Inputs, nodes, outputs and snapshots are replaced by name; within a snapshot key by key; within a node or an input,
+//! `in` is replaced port by port and `with` parameter by parameter. A method with parameters of its own is merged with the same method and replaces another
 //! one. Another type of node or of input takes no parameters from the one that it replaces. `null` removes an input,
-//! a node, an output, a wire or a parameter. A section or map with nothing in it changes nothing.
+//! a node, an output, a snapshot, a wire or a parameter. A section or map with nothing in it changes nothing.
 //!
 //! A parameter that is removed has its default again, so removing one that no base sets is no mistake: whoever writes
 //! an overlay need not know what its base says. Such names are kept apart, to be compared with those of the node type.
@@ -73,7 +73,7 @@ impl Overlay<'_> {
         for (key, tree) in entries {
             match key.value.as_str() {
                 "extends" => {}
-                section @ ("inputs" | "nodes" | "outputs") => {
+                section @ ("inputs" | "nodes" | "outputs" | "snapshots") => {
                     let base = merged.take(section);
                     let tree = self.section(section, base, tree);
                     merged.put(key, tree);
@@ -108,11 +108,12 @@ impl Overlay<'_> {
             Some((kind, span)) => return Tree { kind, span },
         };
         let what = section.trim_end_matches('s');
+        let is_site = matches!(what, "input" | "node");
         for (key, tree) in entries {
             let base = merged.take(&key.value);
             if tree.kind == TreeKind::Null {
                 match base {
-                    Some(_) if what != "output" => {
+                    Some(_) if is_site => {
                         self.removed.insert(key.value, key.span);
                     }
                     Some(_) => {}
@@ -120,13 +121,16 @@ impl Overlay<'_> {
                 }
                 continue;
             }
-            if what != "output" {
+            if is_site {
                 self.removed.remove(&key.value);
             }
             let tree = match base {
                 Some(base) if what == "node" => self.site(base, tree, "node", &key.value),
-                Some(base) if what == "input" => self.site(typed(base), typed(tree), "type", &key.value),
-                None if what != "output" => self.new_site(tree, &key.value),
+                Some(base) if what == "input" => self.site(keyed(base, "type"), keyed(tree, "type"), "type", &key.value),
+                Some(base) if what == "snapshot" => {
+                    self.site(keyed(base, "port"), keyed(tree, "port"), "port", &key.value)
+                }
+                None if is_site => self.new_site(tree, &key.value),
                 _ => tree,
             };
             merged.put(key, tree);
@@ -328,13 +332,13 @@ fn maps(base: Tree, over: Tree) -> Result<(Map, Vec<Entry>), Tree> {
     }
 }
 
-/// `Image` as `{type: Image}`.
-fn typed(tree: Tree) -> Tree {
+/// `Image` as `{type: Image}`, and `node.port` as `{port: node.port}`.
+fn keyed(tree: Tree, key: &str) -> Tree {
     let span = tree.span;
     match tree.kind {
         TreeKind::Text(_) => {
             let key = Spanned {
-                value: "type".to_owned(),
+                value: key.to_owned(),
                 span,
             };
             Tree {

@@ -8,6 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::GRAPH_VERSION;
 use super::file::{LONGEST_NAME, RESERVED};
+use super::snapshots::{NORM, Norm, SIZE, SIZES, TOLERANCE};
 use crate::{Limits, LoaderSpec, NodeSpec, ParamKind, ParamSpec, PortSpec, Registry};
 
 /// The JSON Schema of the graph files that the registry's nodes, values and loaders allow.
@@ -44,6 +45,7 @@ pub fn schema(registry: &Registry) -> Value {
         }
         defs.insert(key("any", "node", overlay), node(registry, overlay));
         defs.insert(key("any", "input", overlay), input(registry, overlay));
+        defs.insert(key("any", "snapshot", overlay), snapshot(overlay));
     }
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -59,6 +61,7 @@ pub fn schema(registry: &Registry) -> Value {
             "inputs": {"description": "What a run is given, by name."},
             "nodes": {"description": "What is computed, by name."},
             "outputs": {"description": "What a run gives: `node.port`, or the name of an input."},
+            "snapshots": {"description": "The ports that `gear snap` pins, and how far they may move."},
         },
         "required": ["gear"],
         "additionalProperties": false,
@@ -109,7 +112,33 @@ fn sections(overlay: bool) -> Value {
         "inputs": section(reference("any", "input", overlay)),
         "nodes": section(reference("any", "node", overlay)),
         "outputs": outputs,
+        "snapshots": section(reference("any", "snapshot", overlay)),
     })
+}
+
+/// A snapshot: a port, or a map with one.
+fn snapshot(overlay: bool) -> Value {
+    let norms: Vec<_> = Norm::ALL
+        .into_iter()
+        .map(|n| json!({"const": n.name(), "description": n.doc()}))
+        .collect();
+    let mut map = json!({
+        "type": "object",
+        "properties": {
+            "port": {"description": "The port that is pinned.", "$ref": "#/$defs/source"},
+            "norm": {"description": "How the distance is measured.", "anyOf": norms, "default": NORM.name()},
+            "tolerance": {"description": "How far it may move.", "type": "number", "minimum": 0, "default": TOLERANCE},
+            "size": {
+                "description": "Longer side of the picture that is kept, in pixels.",
+                "type": "integer", "minimum": SIZES.0, "maximum": SIZES.1, "default": SIZE,
+            },
+        },
+        "additionalProperties": false,
+    });
+    if !overlay {
+        map["required"] = json!(["port"]);
+    }
+    json!({"anyOf": [{"$ref": "#/$defs/source"}, map]})
 }
 
 /// A pattern for a word in capitals or not.

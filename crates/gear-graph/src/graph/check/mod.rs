@@ -13,7 +13,7 @@ pub(super) use self::order::readers;
 use self::wires::Checker;
 use super::file::{File, FileInput, FileNode};
 use super::overlay::Unset;
-use super::{Graph, GraphInput, GraphNode, GraphOutput, Wire, nearest};
+use super::{Graph, GraphInput, GraphNode, GraphOutput, GraphSnapshot, Wire, nearest};
 use crate::params::unknown_parameter;
 use crate::{Fields, NodeError, NodeSpec, Problem, Registry, Severity, Span, Spanned, Tree, TreeKind};
 
@@ -119,6 +119,20 @@ pub fn check(name: &str, file: &File<'_>, registry: &Registry, problems: &mut Ve
         })
         .collect();
 
+    let snapshots: Vec<_> = file
+        .snapshots
+        .iter()
+        .filter_map(|snapshot| {
+            Some(GraphSnapshot {
+                name: snapshot.name.value.clone(),
+                slot: wiring.resolve(&snapshot.port)?,
+                norm: snapshot.norm,
+                tolerance: snapshot.tolerance,
+                size: snapshot.size,
+            })
+        })
+        .collect();
+
     let order = order(file, &site_of, &wires, &first_wire, problems);
     let complete = outputs.len() == file.outputs.len() && !outputs.is_empty();
     let inputs = inputs.into_iter().collect::<Option<Vec<_>>>()?;
@@ -129,6 +143,7 @@ pub fn check(name: &str, file: &File<'_>, registry: &Registry, problems: &mut Ve
         inputs,
         nodes,
         outputs,
+        snapshots,
         first_slot,
         site_of,
         wires,
@@ -309,13 +324,15 @@ fn report_check(
     None
 }
 
-/// Warns of nodes and inputs that no output needs.
+/// Warns of nodes and inputs that no output and no snapshot needs.
 fn unused(graph: &Graph, file: &File<'_>, problems: &mut Vec<Problem>) {
     let mut used = vec![false; graph.sites()];
     let mut stack: Vec<u32> = graph
         .outputs
         .iter()
-        .map(|output| graph.site_of[output.slot as usize])
+        .map(|output| output.slot)
+        .chain(graph.snapshots.iter().map(|snapshot| snapshot.slot))
+        .map(|slot| graph.site_of[slot as usize])
         .collect();
     while let Some(site) = stack.pop() {
         if !std::mem::replace(&mut used[site as usize], true) {

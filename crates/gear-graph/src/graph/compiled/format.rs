@@ -8,6 +8,7 @@
 //! inputs   name, type, optional, parameters
 //! nodes    id, type, parameters, wires: port, slot   the slot as its distance from the node's first
 //! outputs  name, slot
+//! snapshots  name, slot, norm, bits of the tolerance, size
 //! order    0 if sites stand in an order of work, else 1 and the sites
 //! ```
 
@@ -15,12 +16,12 @@ use std::sync::Arc;
 
 use super::File;
 use crate::graph::check::readers;
-use crate::graph::{Graph, GraphFile, GraphInput, GraphNode, GraphOutput, Wire};
+use crate::graph::{Graph, GraphFile, GraphInput, GraphNode, GraphOutput, GraphSnapshot, Norm, Wire};
 use crate::registry::AnyNode;
 use crate::{Digest, Fields, NodeType, Registry, Span, Spanned, Tree, TreeKind};
 
 /// Raised when the format changes, or what a graph file means.
-pub const VERSION: u64 = 1;
+pub const VERSION: u64 = 2;
 
 /// A file and the graph that was made of it.
 pub fn write(file: &File<'_>, graph: &Graph, extends: &[GraphFile]) -> Vec<u8> {
@@ -62,6 +63,19 @@ pub fn write(file: &File<'_>, graph: &Graph, extends: &[GraphFile]) -> Vec<u8> {
         w.text(&output.name);
         w.number(output.slot as usize);
     }
+    w.number(graph.snapshots.len());
+    for snapshot in &graph.snapshots {
+        w.text(&snapshot.name);
+        w.number(snapshot.slot as usize);
+        w.number(
+            Norm::ALL
+                .iter()
+                .position(|norm| *norm == snapshot.norm)
+                .unwrap_or_default(),
+        );
+        w.0.extend(snapshot.tolerance.to_bits().to_le_bytes());
+        w.number(snapshot.size);
+    }
     if graph.order.iter().copied().eq(0..graph.sites() as u32) {
         w.number(0);
     } else {
@@ -90,6 +104,7 @@ pub fn read(bytes: &[u8], registry: &Registry) -> Option<Graph> {
         inputs,
         nodes: Vec::new(),
         outputs: Vec::new(),
+        snapshots: Vec::new(),
         wires: Vec::new(),
         readers: Vec::new(),
         first_reader: Vec::new(),
@@ -113,6 +128,15 @@ pub fn read(bytes: &[u8], registry: &Registry) -> Option<Graph> {
         Some(GraphOutput {
             name: r.text()?.to_string(),
             slot: u32::try_from(r.number()?).ok().filter(|slot| is_slot(*slot))?,
+        })
+    })?;
+    graph.snapshots = r.list(|r| {
+        Some(GraphSnapshot {
+            name: r.text()?.to_string(),
+            slot: u32::try_from(r.number()?).ok().filter(|slot| is_slot(*slot))?,
+            norm: *Norm::ALL.get(r.number()?)?,
+            tolerance: f64::from_bits(u64::from_le_bytes(*r.take(8)?.first_chunk()?)),
+            size: r.number()?,
         })
     })?;
     graph.order = match r.number()? {

@@ -15,6 +15,7 @@ nodes:
   early: {node: Add, in: {of: x}}
   other: {node: Ranged, in: {x: early.sum}, with: {list: [1, 2.5], flag: true, auto: auto}}
 outputs: {sum: last.sum, rest: other.rest}
+snapshots: {early: early.sum, last: {port: last.sum, norm: max, tolerance: 0.25, size: 7}}
 ";
 
 /// All that a run can see of a graph.
@@ -52,8 +53,9 @@ fn seen(graph: &Graph) -> String {
         .map(|output| format!("{} {}", output.name, graph.output_source(output)))
         .collect();
     format!(
-        "{} {nodes:#?} {inputs:#?} {outputs:#?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
+        "{} {nodes:#?} {inputs:#?} {outputs:#?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
         graph.name,
+        graph.snapshots,
         graph.first_slot,
         graph.site_of,
         graph.wires,

@@ -286,6 +286,19 @@ nodes:
   a.b: {node: Add, in: {of: x}}
 outputs: {y: x.sum}
 ";
+    snapshots: "gear: 1
+inputs: {x: Number}
+nodes:
+  a: {node: Add, in: {of: x}}
+outputs: {y: a.sum}
+snapshots:
+  good: {port: a.sum, norm: max, tolerance: 0.5, size: 12}
+  lost: {norm: rms}
+  wrong: {port: a.som, norm: rsm, tolerance: -1, size: 1000, tolerence: 2}
+  odd: {port: x, norm: 3, tolerance: much, size: 1.5}
+  Good: a.sum
+  1st: a.sum
+";
     output_names: "gear: 1
 inputs: {x: Number, _x: Number}
 nodes:

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::*;
-use crate::graph::Library;
+use crate::graph::{Library, Norm};
 use crate::run::tests::kit::Shelf;
 
 const BASE: &str = "gear: 1
@@ -55,6 +55,56 @@ fn an_overlay_that_says_nothing_is_its_base() {
     assert_eq!(params(&graph, "first"), json!({"plus": 1.0}));
     assert_eq!(graph.inputs()[0].params()["scale"], json!(3.0));
     assert!(graph.inputs()[1].optional);
+}
+
+#[test]
+fn snapshots_are_replaced_key_by_key_and_change_no_key_of_a_result() {
+    let pinned = "gear: 1
+extends: '@base'
+snapshots: {a: first.sum, b: {port: ranged.whole, norm: max, tolerance: 0.5}, c: x}
+";
+    let top = "gear: 1
+extends: '@middle'
+snapshots: {a: {tolerance: 2, size: 9}, b: choose.chosen, c: null}
+";
+    let graph = check(&library(&[("base", BASE), ("middle", pinned), ("top", top)])).unwrap();
+    let told: Vec<_> = graph
+        .snapshots()
+        .iter()
+        .map(|s| (s.name.as_str(), graph.snapshot_source(s), s.norm, s.tolerance, s.size))
+        .collect();
+    let norm = crate::graph::snapshots::NORM;
+    assert_eq!(
+        told,
+        [
+            ("a", "first.sum".to_owned(), norm, 2.0, 9),
+            (
+                "b",
+                "choose.chosen".to_owned(),
+                Norm::Max,
+                0.5,
+                crate::graph::snapshots::SIZE
+            ),
+        ]
+    );
+    let keys = |graph: &Graph| {
+        let run = crate::Run::new(graph)
+            .input_value("x", crate::Number(1.0))
+            .input_value("y", crate::Number(2.0));
+        let report = run.go().unwrap().report;
+        let ports = report
+            .nodes
+            .iter()
+            .filter(|node| node.id == "first")
+            .flat_map(|node| node.outputs.clone());
+        ports.map(|port| (port.port, port.key)).collect::<Vec<_>>()
+    };
+    let plain = check(&library(&[("top", BASE)])).unwrap();
+    assert_eq!(keys(&graph), keys(&plain));
+    let pinned = graph.into_snapshots();
+    let outputs: Vec<_> = pinned.outputs().iter().map(|output| output.name.as_str()).collect();
+    assert_eq!(outputs, ["a", "b"]);
+    assert_eq!(keys(&pinned), keys(&plain));
 }
 
 #[test]

@@ -94,6 +94,7 @@ nodes:
   ranged: {node: Ranged, in: {x: x}, with: {share: 0.5, auto: auto, list: [-90, 90]}}
   measured: {node: Measure, in: {report: r}, with: {plus: 2}}
 outputs: {s: add.sum, o: one.sum, c: choose.chosen, n: never.chosen, z: sized.whole, b: boxed.whole, w: ranged.whole, r: r, m: measured.length}
+snapshots: {short: add.sum, long: {port: one.sum, norm: relative, tolerance: 0.5, size: 16}}
 ";
     assert_eq!(mistakes(good).problems(), []);
     assert_eq!(judge.objects(&json(good).unwrap()), None);
@@ -126,6 +127,13 @@ outputs: {s: add.sum, o: one.sum, c: choose.chosen, n: never.chosen, z: sized.wh
         ("missing-parameter", "size: 4, ", ""),
         ("missing-type", "type: Number, ", ""),
         ("missing-node-type", "node: Ranged, ", ""),
+        ("missing-port", "port: one.sum, ", ""),
+        ("unknown-key", "tolerance:", "tolerence:"),
+        ("unknown-choice", "norm: relative", "norm: relativ"),
+        ("wrong-type", "tolerance: 0.5", "tolerance: some"),
+        ("parameter-out-of-range", "tolerance: 0.5", "tolerance: -0.5"),
+        ("parameter-out-of-range", "size: 16", "size: 0"),
+        ("bad-name", "short:", "sh.ort:"),
         ("missing-version", "gear: 1", ""),
         ("bad-version", "gear: 1", "gear: one"),
         ("version-too-new", "gear: 1", "gear: 2"),
