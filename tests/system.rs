@@ -22,6 +22,8 @@ mod an_interrupted_run_resumes;
 mod bad_input_is_refused_and_nothing_is_written;
 #[path = "system/every_node_bears_extreme_input.rs"]
 mod every_node_bears_extreme_input;
+#[path = "system/every_node_bears_the_catalogue.rs"]
+mod every_node_bears_the_catalogue;
 #[path = "system/every_shipped_graph_runs.rs"]
 mod every_shipped_graph_runs;
 #[path = "system/experiments_run_from_the_command_line.rs"]
@@ -30,6 +32,10 @@ mod experiments_run_from_the_command_line;
 mod odd_input_runs_with_a_note;
 #[path = "system/only_what_changed_runs.rs"]
 mod only_what_changed_runs;
+#[path = "system/people_judge_without_knowing_the_method.rs"]
+mod people_judge_without_knowing_the_method;
+#[path = "system/pinned_pipelines_stay_within_their_tolerance.rs"]
+mod pinned_pipelines_stay_within_their_tolerance;
 #[path = "system/same_bits_on_any_thread_count.rs"]
 mod same_bits_on_any_thread_count;
 #[path = "system/same_bits_without_cpu_features.rs"]

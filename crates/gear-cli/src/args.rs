@@ -91,6 +91,12 @@ pub enum Command {
     Curve(crate::commands::curve::CurveArgs),
     /// Tell what differs between two runs: parameters, keys, outputs, times
     Diff(crate::commands::diff::DiffArgs),
+    /// Run the catalogue of stiff and extreme cases on a node, a graph, or every node; exit code 1 on a surprise
+    Stress(crate::commands::stress::StressArgs),
+    /// Pin what ports of a graph give, and tell what moved; exit code 1 if something did
+    Snap(crate::commands::snap::SnapArgs),
+    /// Make a page on which people say which results they prefer, or count what they said
+    Ballot(crate::commands::ballot::BallotArgs),
 }
 
 /// Which graph.

@@ -49,6 +49,27 @@ pub enum CliError {
         /// As given.
         given: String,
     },
+    /// The extreme cases cannot be run as asked for.
+    #[error("{cause}")]
+    Stress {
+        /// Why.
+        cause: String,
+    },
+    /// Snapshots cannot be compared as asked for.
+    #[error("{cause}")]
+    Snap {
+        /// Why.
+        cause: String,
+    },
+    /// Snapshots cannot be written.
+    #[error("{cause}")]
+    SnapFiles {
+        /// Why.
+        cause: String,
+    },
+    /// A ballot cannot be made or counted.
+    #[error(transparent)]
+    Ballot(#[from] gear_study::ballot::BallotError),
     /// A GPU is required and there is none.
     #[error("{0}; without GEAR_REQUIRE_GPU=1 the CPU does it")]
     Device(DeviceError),
@@ -211,7 +232,11 @@ impl CliError {
     /// How the process ends.
     pub fn exit(&self) -> Exit {
         match self {
-            Self::Write { .. } | Self::StandardOutput { .. } | Self::Encode { .. } | Self::Store { .. } => Exit::Failed,
+            Self::Write { .. }
+            | Self::StandardOutput { .. }
+            | Self::Encode { .. }
+            | Self::Store { .. }
+            | Self::SnapFiles { .. } => Exit::Failed,
             Self::Curve(gear_study::curve::run::CurveError::Interrupted) => Exit::Interrupted,
             Self::Curve(_) => Exit::Failed,
             Self::Run(mistakes) if mistakes.contains(&RunMistake::Interrupted) => Exit::Interrupted,

@@ -125,6 +125,9 @@ fn dispatch(command: &Command, registry: &Registry, console: &Console) -> Result
         Command::Study(options) => commands::study::study(options, registry, console),
         Command::Curve(options) => commands::curve::curve(options, registry, console),
         Command::Diff(options) => commands::diff::diff(options, registry, console),
+        Command::Stress(options) => commands::stress::stress(options, registry, console),
+        Command::Snap(options) => commands::snap::snap(options, registry, console),
+        Command::Ballot(options) => commands::ballot::ballot(options, console),
     }
 }
 

@@ -13,3 +13,13 @@ pub mod stats;
 pub mod study;
 #[cfg(test)]
 mod testing;
+pub mod ballot;
+pub mod planes;
+mod random;
+pub mod snap;
+pub mod stress;
+
+/// YAML text as JSON, such as the value behind `--set PARAM=`.
+pub fn yaml(text: &str) -> Result<serde_json::Value, String> {
+    serde_saphyr::from_str(text).map_err(|error| error.to_string())
+}

@@ -1,5 +1,6 @@
 //! One file a command.
 
+pub mod ballot;
 pub mod cache;
 pub mod check;
 pub mod convert;
@@ -15,4 +16,6 @@ pub mod run;
 pub mod sample;
 pub mod schema;
 pub mod study;
+pub mod snap;
+pub mod stress;
 pub mod why;
