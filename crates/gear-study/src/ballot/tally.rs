@@ -281,7 +281,10 @@ impl Tally {
         for share in &self.shares {
             let now = (share.question.clone(), share.group.clone());
             if now != before {
-                let undecided = share.undecided.map(|n| format!(", {n} could not tell")).unwrap_or_default();
+                let undecided = share
+                    .undecided
+                    .map(|n| format!(", {n} could not tell"))
+                    .unwrap_or_default();
                 out.push_str(&format!(
                     "\n{}, {}: {} votes of {} persons{undecided}\n",
                     share.question, share.group, share.of, share.persons

@@ -173,7 +173,11 @@ fn refused_by_check(case: &Case, node_type: &NodeType, registry: &Registry) -> O
         spec.outputs.first()?.name,
     );
     let mistakes = GraphSource::new(&case.name, text).check(registry).err()?;
-    let messages: Vec<_> = mistakes.problems().iter().map(|problem| problem.message.as_str()).collect();
+    let messages: Vec<_> = mistakes
+        .problems()
+        .iter()
+        .map(|problem| problem.message.as_str())
+        .collect();
     Some(messages.join("; "))
 }
 
