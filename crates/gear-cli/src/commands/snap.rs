@@ -63,7 +63,7 @@ pub fn snap(args: &SnapArgs, registry: &Registry, console: &Console) -> Result<E
         },
         input: given
             .iter()
-            .map(|(name, value)| format!("{name}={}", from_here(value, args)))
+            .map(|(name, value)| format!("{name}={}", from_here(value, args)).into())
             .collect(),
         output: Vec::new(),
         jobs: args.jobs,

@@ -126,7 +126,9 @@ impl Overlay<'_> {
             }
             let tree = match base {
                 Some(base) if what == "node" => self.site(base, tree, "node", &key.value),
-                Some(base) if what == "input" => self.site(keyed(base, "type"), keyed(tree, "type"), "type", &key.value),
+                Some(base) if what == "input" => {
+                    self.site(keyed(base, "type"), keyed(tree, "type"), "type", &key.value)
+                }
                 Some(base) if what == "snapshot" => {
                     self.site(keyed(base, "port"), keyed(tree, "port"), "port", &key.value)
                 }
