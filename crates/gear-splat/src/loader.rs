@@ -13,7 +13,7 @@ pub struct SceneFile {
 }
 
 impl Loader for SceneFile {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type Value = Scene;
 
     fn load(&self, file: &FileSource, ctx: &Context) -> Result<Scene, NodeError> {

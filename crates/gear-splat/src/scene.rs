@@ -182,6 +182,28 @@ impl Scene {
         (kept, dropped)
     }
 
+    /// The least SH degree that holds the coefficients: bands above are zero in every Gaussian.
+    pub fn least_sh_degree(&self) -> u8 {
+        let bands = sh::bands(self.sh_degree);
+        let used = |k: usize| self.sh_rest.iter().skip(k).step_by(bands).any(|&x| x != 0.0);
+        let needed = (0..bands).rev().find(|&k| used(k)).map_or(0, |k| k + 1);
+        let degree = (0..self.sh_degree).find(|&degree| sh::bands(degree) >= needed);
+        degree.unwrap_or(self.sh_degree)
+    }
+
+    /// The scene with its [least SH degree](Scene::least_sh_degree). Its pictures are the same, to the bit; many programs
+    /// write 45 zeros a Gaussian.
+    pub fn with_least_sh_degree(mut self) -> Scene {
+        let degree = self.least_sh_degree();
+        if degree < self.sh_degree {
+            let (bands, kept) = (sh::bands(self.sh_degree), sh::bands(degree));
+            let channels = self.sh_rest.chunks_exact(bands);
+            self.sh_rest = channels.flat_map(|channel| &channel[..kept]).copied().collect();
+            self.sh_degree = degree;
+        }
+        self
+    }
+
     /// The scene turned by half a turn about the x axis: y and z change their signs. Scenes made from photographs usually
     /// have y downwards; turned over they stand upright here.
     pub fn turned_over(&self) -> Scene {
@@ -400,6 +422,47 @@ pub(crate) mod tests {
         let middle = scene.middle_bounds(0.01).unwrap();
         assert_eq!((middle.min, middle.max), (Vec3::X, Vec3::X * 99.0));
         assert_eq!(Scene::default().middle_bounds(0.01), None);
+    }
+
+    #[test]
+    fn the_least_sh_degree_keeps_what_is_not_zero() {
+        for used in 0..=3u8 {
+            let mut scene = Scene {
+                sh_degree: 3,
+                ..Scene::default()
+            };
+            (0..3).for_each(|i| scene.push(one(Vec3::X * i as f32)));
+            // The last band of the degree, in green of the second Gaussian.
+            if used > 0 {
+                scene.sh_rest[45 + 15 + sh::bands(used) - 1] = 0.25;
+            }
+            let least = scene.clone().with_least_sh_degree();
+            least.validate().unwrap();
+            assert_eq!(least.sh_degree, used);
+            for i in 0..3 {
+                let direction = Vec3::new(0.48, -0.6, 0.64);
+                let shown = |scene: &Scene| {
+                    let basis = sh::basis(scene.sh_degree, direction);
+                    let bands = sh::bands(scene.sh_degree).max(1);
+                    let channels = scene.sh_rest_of(i).chunks_exact(bands);
+                    let sums = channels.map(|c| c.iter().zip(basis).map(|(&c, y)| f64::from(c) * y).sum::<f64>());
+                    sums.sum::<f64>()
+                };
+                assert_eq!(shown(&least), shown(&scene));
+            }
+            assert_eq!(least.clone().with_least_sh_degree(), least);
+        }
+        let mut scene = Scene {
+            sh_degree: 1,
+            ..Scene::default()
+        };
+        scene.push(one(Vec3::ZERO));
+        scene.sh_rest[8] = f32::NAN;
+        assert_eq!(
+            scene.with_least_sh_degree().sh_degree,
+            1,
+            "NaN is something to be told of"
+        );
     }
 
     #[test]

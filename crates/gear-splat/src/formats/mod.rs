@@ -10,7 +10,8 @@
 //!
 //! A file is read as what its bytes are, whatever its name ([`Format::detect`]); it is written as what its name says
 //! ([`Format::of_path`]). Counts in headers are believed only as far as the file's length backs them, before any memory
-//! is taken. Coordinates are taken as they are: no format but glTF and SPZ says which way is up.
+//! is taken. Coordinates are taken as they are: no format but glTF and SPZ says which way is up. [`read`] and [`write()`] leave
+//! out SH bands that are zero in every Gaussian: they show nowhere, and a third-degree scene is four times as large.
 
 pub mod compressed_ply;
 mod error;
@@ -186,6 +187,7 @@ pub fn read(bytes: &[u8]) -> Result<Loaded, FormatError> {
         }
         Format::Glb => return Err(FormatError::WriteOnly { format }),
     };
+    let scene = scene.with_least_sh_degree();
     Ok(Loaded { scene, format, notes })
 }
 
@@ -200,6 +202,9 @@ pub struct Written {
 
 /// Writes a scene.
 pub fn write(scene: &Scene, format: Format) -> Result<Written, FormatError> {
+    scene.validate()?;
+    let smaller = (scene.least_sh_degree() < scene.sh_degree).then(|| scene.clone().with_least_sh_degree());
+    let scene = smaller.as_ref().unwrap_or(scene);
     match format {
         Format::Ply => ply::write(scene).map(|bytes| Written {
             bytes,

@@ -164,3 +164,35 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn higher_coefficients_that_are_all_zero_are_neither_written_nor_read() {
+    let scene = random(20, 1);
+    let padded = Scene {
+        sh_degree: 3,
+        sh_rest: scene
+            .sh_rest
+            .chunks_exact(3)
+            .flat_map(|channel| channel.iter().copied().chain([0.0; 12]))
+            .collect(),
+        ..scene.clone()
+    };
+    assert_eq!(read(&ply::write(&padded).unwrap()).unwrap().scene, scene);
+    for format in [Format::Ply, Format::Spz, Format::Glb] {
+        assert_eq!(
+            write(&padded, format).unwrap().bytes,
+            write(&scene, format).unwrap().bytes,
+            "{format}"
+        );
+    }
+    // No loss is told of a degree that was not used.
+    let plain = Scene {
+        sh_rest: vec![0.0; 20 * 9],
+        ..scene
+    };
+    let losses = write(&plain, Format::Splat).unwrap().losses;
+    assert!(
+        !losses.iter().any(|loss| matches!(loss, Loss::HigherSh { .. })),
+        "{losses:?}"
+    );
+}
