@@ -100,6 +100,17 @@ fn report(bench: &Bench) {
         forward_1 / forward,
         both_1 / both
     );
+    let frozen = |wanted| bench.on_threads(2, || bench.forward_backward(wanted));
+    let shapes = frozen(Wanted {
+        colors: false,
+        ..Wanted::ALL
+    });
+    let opacities = frozen(Wanted {
+        opacity_logits: true,
+        colors: false,
+        ..Wanted::COLORS
+    });
+    println!("  forward + backward with colours frozen {shapes:.1}, of opacities alone {opacities:.1}");
     let rgb = Outputs {
         rgb: true,
         ..Outputs::default()
@@ -110,17 +121,17 @@ fn report(bench: &Bench) {
         normal: true,
         ..rgb
     };
-    let [prepared, rgb, surfaces] = bench.on_threads(2, || {
-        [
-            minimum(|| drop(bench.frame(Outputs::RGBA))),
-            bench.forward(rgb),
-            bench.forward(surfaces),
-        ]
-    });
-    println!(
-        "  of which projection, sorting and tiles {prepared:.1}; depth, normal and alpha add {:.0} % to colour's {rgb:.1}",
-        100.0 * (surfaces / rgb - 1.0)
-    );
+    let prepared = bench.on_threads(2, || minimum(|| drop(bench.frame(Outputs::RGBA))));
+    println!("  of which projection, sorting and tiles {prepared:.1}");
+    for threads in [2, 1] {
+        let (rgb, surfaces) = bench.on_threads(threads, || in_turns(|| bench.once(rgb), || bench.once(surfaces)));
+        println!(
+            "  depth, normal and alpha, {threads} threads: {:.0} % on top of colour's {:.1} ms (medians: {:.0} %)",
+            100.0 * (surfaces.0 / rgb.0 - 1.0),
+            rgb.0,
+            100.0 * (surfaces.1 / rgb.1 - 1.0)
+        );
+    }
     let work = bench.frame(Outputs::RGBA).work();
     let times = |count: u64| count as f64 / work.contributing as f64;
     println!(
@@ -132,6 +143,16 @@ fn report(bench: &Bench) {
     if let Some(peak) = peak {
         println!("  peak memory {peak:.0} MB");
     }
+}
+
+/// Minimum and median of two things that are timed turn and turn about.
+fn in_turns(a: impl Fn() -> f64, b: impl Fn() -> f64) -> ((f64, f64), (f64, f64)) {
+    let (mut of_a, mut of_b): (Vec<f64>, Vec<f64>) = (0..31).map(|_| (a(), b())).unzip();
+    let summary = |times: &mut Vec<f64>| {
+        times.sort_by(f64::total_cmp);
+        (times[0], times[times.len() / 2])
+    };
+    (summary(&mut of_a), summary(&mut of_b))
 }
 
 fn least(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -162,6 +183,13 @@ impl Bench {
 
     fn frame(&self, outputs: Outputs) -> Frame {
         Frame::new(&self.scene, &self.camera, &RenderOptions::default(), outputs)
+    }
+
+    /// Wall time of one picture, ms.
+    fn once(&self, outputs: Outputs) -> f64 {
+        let start = Instant::now();
+        drop(self.frame(outputs).draw());
+        start.elapsed().as_secs_f64() * 1e3
     }
 
     fn forward(&self, outputs: Outputs) -> f64 {

@@ -10,6 +10,7 @@ pub mod gpu;
 #[cfg(feature = "graph")]
 mod loader;
 pub mod orbit;
+pub mod prune;
 pub mod reference;
 pub mod refine;
 pub mod render;

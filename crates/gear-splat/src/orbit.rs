@@ -37,6 +37,31 @@ pub fn cameras(scene: &Scene, yaws_degrees: &[f64], longer_side: u32) -> Vec<Cam
         .collect()
 }
 
+/// `count` cameras around the scene's centre, the canonical one first and the others evenly over all directions; frames and
+/// `longer_side` as in [`cameras`], but the canonical frame is widened too.
+pub fn all_around(scene: &Scene, count: u32, longer_side: u32) -> Vec<Camera> {
+    let canonical = scene.camera_or_default().resized(longer_side.max(1));
+    let center = scene.bounds().map_or(glam::Vec3::ZERO, |b| b.center());
+    let extent = extent(scene);
+    (0..count)
+        .map(|k| {
+            let (yaw, pitch) = match k {
+                0 => (0.0, 0.0),
+                // A Fibonacci sphere: turns of the golden angle at equal steps of height.
+                _ => {
+                    let height = 1.0 - (2.0 * f64::from(k) - 1.0) / f64::from(count - 1);
+                    (137.507_764 * f64::from(k) % 360.0, libm::asin(height).to_degrees())
+                }
+            };
+            let camera = canonical.orbit(center, yaw as f32, pitch as f32);
+            match &extent {
+                Some(extent) => camera.framing(extent, WIDEST * camera.width.max(camera.height)),
+                None => camera,
+            }
+        })
+        .collect()
+}
+
 /// A pinhole camera for a scene that has none: before its middle (98 % of the centres along each axis), at the distance
 /// at which a ball around that fills the shorter side of the picture.
 pub fn facing(scene: &Scene, width: u32, height: u32) -> Camera {
@@ -183,6 +208,33 @@ mod tests {
     fn at_yaw_zero_the_camera_is_the_canonical_one() {
         let scene = deep_scene();
         assert_eq!(cameras(&scene, &[0.0], 0)[0], scene.canonical_camera.unwrap());
+    }
+
+    #[test]
+    fn from_all_around_every_side_is_faced_and_the_scene_stays_in_frame() {
+        let scene = deep_scene();
+        let all = all_around(&scene, 64, 60);
+        assert_eq!(all.len(), 64);
+        assert_eq!(all[0].forward(), scene.canonical_camera.unwrap().forward());
+        let mut z = 1.0f32;
+        for i in 0..200 {
+            z -= 0.01;
+            let (sin, cos) = libm::sincosf(i as f32);
+            let direction = Vec3::new(
+                (1.0 - z * z).max(0.0).sqrt() * cos,
+                (1.0 - z * z).max(0.0).sqrt() * sin,
+                z,
+            );
+            let nearest = all.iter().map(|c| c.forward().dot(direction)).fold(-1.0, f32::max);
+            assert!(nearest > 0.9, "{direction}: {nearest}");
+        }
+        for camera in all {
+            for &center in &scene.centers {
+                let [u, v] = camera.project(center).unwrap().pixel;
+                assert!(u > -0.6 && u < camera.width as f32 - 0.4, "{u} of {}", camera.width);
+                assert!(v > -0.6 && v < camera.height as f32 - 0.4, "{v} of {}", camera.height);
+            }
+        }
     }
 
     #[test]

@@ -179,7 +179,7 @@ impl Bins {
     /// `splats`: front to back.
     pub fn new(grid: Grid, splats: &[Splat], level: SimdLevel) -> Self {
         let tiles = grid.columns * grid.rows;
-        let chunk = splats.len().div_ceil(16).max(8192);
+        let chunk = splats.len().div_ceil(16).max(2048);
         let mut touched: Vec<Touched> = splats
             .par_chunks(chunk)
             .map(|part| {

@@ -7,11 +7,9 @@
 //! eight lanes, not a whole tile. What must stay true: every pixel meets its Gaussians in the order of the list, and
 //! pixels outside the picture start with T = 0, so that they never receive anything.
 
-use rayon::prelude::*;
-
 use super::Frame;
 use super::bin::{TILE_HEIGHT, TILE_WIDTH};
-use super::canvas::{Canvas, Patch};
+use super::canvas::{self, Finished};
 use super::lanes::{self, HALF, LANE, LANES, PLANE_LEN, Plane, STRIDE};
 use super::project::Splat;
 use super::simd::{SimdLevel, simd_kernels};
@@ -264,24 +262,21 @@ fn group<const N: usize, const COLOR: bool, const DEPTH: bool, const MEDIAN: boo
 
 pub(crate) fn draw(frame: &Frame) -> Rendering {
     let outputs = frame.outputs;
-    let bins = &frame.bins;
     let kernel = kernel(outputs);
-    let mut canvas = Canvas::new(&bins.grid, outputs);
-    canvas
-        .bands(&bins.grid)
-        .into_par_iter()
-        .enumerate()
-        .for_each(|(row, band)| {
-            let patches = band.patches(bins, row).into_par_iter();
-            patches.for_each_init(TileBuffers::new, |buffers, patch| {
-                let scene = TileScene::new(frame, patch.tile, patch.rows);
-                buffers.clear(outputs, &scene);
-                kernel(frame.level, scene, buffers);
-                finish(frame.level, buffers, outputs, frame.background, scene.foremost);
-                buffers.copy_to(patch);
-            });
-        });
-    canvas.finish(&bins.grid, outputs)
+    canvas::paint(&frame.bins, outputs, TileBuffers::new, |buffers, patch| {
+        let scene = TileScene::new(frame, patch.tile, patch.rows);
+        buffers.clear(outputs, &scene);
+        kernel(frame.level, scene, buffers);
+        finish(
+            frame.level,
+            buffers,
+            outputs,
+            frame.background,
+            scene.foremost,
+            scene.rows,
+        );
+        patch.write(&buffers.finished());
+    })
 }
 
 impl TileBuffers {
@@ -312,63 +307,59 @@ impl TileBuffers {
         }
     }
 
-    /// Copies a finished strip into the pictures.
-    fn copy_to(&self, patch: Patch) {
-        let at = |y: usize| (patch.rows.0 + y) * STRIDE;
-        let three = |planes: &[Plane; 3], at: usize| std::array::from_fn(|c| planes[c][at]);
-        for (y, row) in patch.rgb.into_iter().enumerate() {
-            for (x, rgb) in row.iter_mut().enumerate() {
-                *rgb = three(&self.color, at(y) + x);
-            }
-        }
-        for (y, row) in patch.normal.into_iter().enumerate() {
-            for (x, normal) in row.iter_mut().enumerate() {
-                *normal = three(&self.normal, at(y) + x);
-            }
-        }
-        for (rows, plane) in [
-            (patch.alpha, &self.transmittance),
-            (patch.depth, &self.depth),
-            (patch.median, &self.median),
-        ] {
-            for (y, row) in rows.into_iter().enumerate() {
-                row.copy_from_slice(&plane[at(y)..at(y) + row.len()]);
-            }
+    fn finished(&self) -> Finished<'_> {
+        Finished {
+            rgb: &self.color,
+            alpha: &self.transmittance,
+            depth: &self.depth,
+            median: &self.median,
+            normal: &self.normal,
         }
     }
 }
 
 simd_kernels! {
-    /// Turns the sums of a tile into its pictures: the background shines through, depths and normals become means, and
+    /// Turns the sums of a tile's rows into pictures: the background shines through, depths and normals become means, and
     /// transmittance becomes coverage.
-    fn finish(buffers: &mut TileBuffers, outputs: Outputs, background: [f32; 3], foremost: f32) {
+    fn finish(buffers: &mut TileBuffers, outputs: Outputs, background: [f32; 3], foremost: f32, rows: (usize, usize)) {
         let TileBuffers { transmittance, color, depth, normal: [nx, ny, nz], .. } = buffers;
-        if outputs.rgb {
-            for (plane, background) in color.iter_mut().zip(background) {
-                for (x, t) in plane.iter_mut().zip(&*transmittance) {
-                    *x += t * background;
+        for y in rows.0..rows.1 {
+            let t = columns(transmittance, y);
+            if outputs.rgb {
+                for (plane, background) in color.iter_mut().zip(background) {
+                    for (x, t) in columns(plane, y).iter_mut().zip(&*t) {
+                        *x += t * background;
+                    }
+                }
+            }
+            for t in t.iter_mut() {
+                *t = 1.0 - *t;
+            }
+            if outputs.depth {
+                for (z, weight) in columns(depth, y).iter_mut().zip(&*t) {
+                    let mean = foremost + *z / weight;
+                    *z = if *weight > 0.0 { mean } else { f32::NAN };
+                }
+            }
+            if outputs.normal {
+                let [nx, ny, nz] = [columns(nx, y), columns(ny, y), columns(nz, y)];
+                for i in 0..TILE_WIDTH {
+                    let length = length([nx[i], ny[i], nz[i]]);
+                    let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
+                    nx[i] *= scale;
+                    ny[i] *= scale;
+                    nz[i] *= scale;
                 }
             }
         }
-        for t in transmittance.iter_mut() {
-            *t = 1.0 - *t;
-        }
-        if outputs.depth {
-            for (z, weight) in depth.iter_mut().zip(&*transmittance) {
-                let mean = foremost + *z / weight;
-                *z = if *weight > 0.0 { mean } else { f32::NAN };
-            }
-        }
-        if outputs.normal {
-            for i in 0..PLANE_LEN {
-                let length = length([nx[i], ny[i], nz[i]]);
-                let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
-                nx[i] *= scale;
-                ny[i] *= scale;
-                nz[i] *= scale;
-            }
-        }
     }
+}
+
+/// Row `y` of a plane without the padding.
+#[inline(always)]
+fn columns(plane: &mut Plane, y: usize) -> &mut [f32; TILE_WIDTH] {
+    let row = &mut plane[y * STRIDE..y * STRIDE + TILE_WIDTH];
+    row.try_into().expect("the slice has that length")
 }
 
 /// Length of a vector.

@@ -93,6 +93,13 @@ pub(crate) fn sum_tiles(frame: &Frame, rendering: &Rendering, pixels: &PixelGrad
     let grid = bins.grid;
     pixels.check(grid.width * grid.height);
     let through_surface = !pixels.depth.is_empty() || !pixels.normal.is_empty();
+    let colors = frame.needs_color_sums(wanted);
+    if !colors && !wanted.moves_shapes() {
+        return Gathered {
+            sums: vec![Sums::default(); frame.splats.len()],
+            surfaces: Vec::new(),
+        };
+    }
     let strips: Vec<(usize, (usize, usize))> = (0..grid.columns * grid.rows)
         .filter(|&tile| !bins.tile(tile).is_empty())
         .flat_map(|tile| bins.strips(tile).map(move |rows| (tile, rows)))
@@ -106,10 +113,12 @@ pub(crate) fn sum_tiles(frame: &Frame, rendering: &Rendering, pixels: &PixelGrad
                 tile,
                 ..Strip::default()
             };
-            let kernel = match (wanted.moves_shapes(), through_surface) {
-                (false, _) => sum_colors,
-                (true, false) => sum_everything,
-                (true, true) => sum_with_surfaces,
+            let kernel = match (colors, wanted.moves_shapes(), through_surface) {
+                (_, false, _) => sum_colors,
+                (false, true, false) => sum_shapes,
+                (true, true, false) => sum_everything,
+                (false, true, true) => sum_surfaces,
+                (true, true, true) => sum_with_surfaces,
             };
             kernel(frame.level, scene, loss, &mut strip);
             strip
@@ -134,7 +143,7 @@ fn gather<T: Copy + Default + Send + Sync>(
     add: impl Fn(&mut T, &T) + Sync,
 ) -> Vec<T> {
     let mut total = vec![T::default(); frame.splats.len()];
-    let range = total.len().div_ceil(4 * rayon::current_num_threads()).max(4096);
+    let range = total.len().div_ceil(4 * rayon::current_num_threads()).max(1024);
     total.par_chunks_mut(range).enumerate().for_each(|(chunk, total)| {
         let first = (chunk * range) as u32;
         let end = first + total.len() as u32;
@@ -153,19 +162,30 @@ fn gather<T: Copy + Default + Send + Sync>(
 
 simd_kernels! {
     fn sum_colors(scene: TileScene, loss: &mut TileLoss, out: &mut Strip) {
-        accumulate::<false, false>(scene, loss, out);
+        accumulate::<true, false, false>(scene, loss, out);
+    }
+    fn sum_shapes(scene: TileScene, loss: &mut TileLoss, out: &mut Strip) {
+        accumulate::<false, true, false>(scene, loss, out);
     }
     fn sum_everything(scene: TileScene, loss: &mut TileLoss, out: &mut Strip) {
-        accumulate::<true, false>(scene, loss, out);
+        accumulate::<true, true, false>(scene, loss, out);
+    }
+    fn sum_surfaces(scene: TileScene, loss: &mut TileLoss, out: &mut Strip) {
+        accumulate::<false, true, true>(scene, loss, out);
     }
     fn sum_with_surfaces(scene: TileScene, loss: &mut TileLoss, out: &mut Strip) {
-        accumulate::<true, true>(scene, loss, out);
+        accumulate::<true, true, true>(scene, loss, out);
     }
 }
 
-/// Walks the tile's list as `blend` does. `SHAPE`: the moments too; `SURFACE`: depth and normals have gradients.
+/// Walks the tile's list as `blend` does. `COLOR`: sums for colours; `SHAPE`: the moments; `SURFACE`: depth and normals have
+/// gradients. What is frozen is not added up.
 #[inline(always)]
-fn accumulate<const SHAPE: bool, const SURFACE: bool>(scene: TileScene, loss: &mut TileLoss, out: &mut Strip) {
+fn accumulate<const COLOR: bool, const SHAPE: bool, const SURFACE: bool>(
+    scene: TileScene,
+    loss: &mut TileLoss,
+    out: &mut Strip,
+) {
     for (n, &i) in scene.list.iter().enumerate() {
         if n % CHECK_EVERY == CHECK_EVERY - 1 && is_finished(&loss.transmittance) {
             return;
@@ -193,16 +213,16 @@ fn accumulate<const SHAPE: bool, const SURFACE: bool>(scene: TileScene, loss: &m
                 let at = y * STRIDE + x;
                 let start = x as f32 - span.middle;
                 if span.end - x > HALF {
-                    group::<LANES, SHAPE, SURFACE>(&stroke, at, start, loss, &mut sums);
+                    group::<LANES, COLOR, SHAPE, SURFACE>(&stroke, at, start, loss, &mut sums);
                     x += LANES;
                 } else {
-                    group::<HALF, SHAPE, SURFACE>(&stroke, at, start, loss, &mut sums);
+                    group::<HALF, COLOR, SHAPE, SURFACE>(&stroke, at, start, loss, &mut sums);
                     x += HALF;
                 }
             }
         }
         out.sums.push(Sums {
-            color: sums.color.map(lanes::sum),
+            color: if COLOR { sums.color.map(lanes::sum) } else { [0.0; 3] },
             moments: if SHAPE { sums.moments.map(lanes::sum) } else { [0.0; 6] },
         });
         if SURFACE {
@@ -243,7 +263,7 @@ struct LaneSums {
 
 /// `N` pixels from place `at` of the tile's planes on, which lies `start` from the middle of the span.
 #[inline(always)]
-fn group<const N: usize, const SHAPE: bool, const SURFACE: bool>(
+fn group<const N: usize, const COLOR: bool, const SHAPE: bool, const SURFACE: bool>(
     stroke: &Stroke,
     at: usize,
     start: f32,
@@ -273,9 +293,11 @@ fn group<const N: usize, const SHAPE: bool, const SURFACE: bool>(
         let alpha = lanes::alpha(&stroke.splat, &stroke.span, e, before);
         let weight = alpha * before;
         t[l] = before - weight;
-        by_r[l] += weight * g_r[l];
-        by_g[l] += weight * g_g[l];
-        by_b[l] += weight * g_b[l];
+        if COLOR {
+            by_r[l] += weight * g_r[l];
+            by_g[l] += weight * g_g[l];
+            by_b[l] += weight * g_b[l];
+        }
         if SHAPE {
             let mut s = g_r[l] * color[0] + g_g[l] * color[1] + g_b[l] * color[2] + shared[l];
             if SURFACE {
@@ -418,5 +440,44 @@ impl TileLoss {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::tests::one;
+    use crate::{Camera, RenderOptions, Scene};
+    use glam::Vec3;
+
+    #[test]
+    fn what_is_frozen_is_not_added_up() {
+        let mut scene = Scene::default();
+        (0..20).for_each(|i| scene.push(one(Vec3::new(0.02 * i as f32, 0.1, 0.03 * i as f32))));
+        let frame = Frame::new(&scene, &Camera::front(40, 40), &RenderOptions::default(), Outputs::ALL);
+        let picture = frame.draw();
+        let pixels = PixelGradients {
+            rgb: vec![[1.0, -0.5, 0.25]; 1600],
+            depth: vec![0.5; 1600],
+            ..PixelGradients::default()
+        };
+        let sums = |wanted| sum_tiles(&frame, &picture, &pixels, wanted);
+        let all = sums(Wanted::ALL);
+        let shapes = sums(Wanted {
+            colors: false,
+            ..Wanted::ALL
+        });
+        let colors = sums(Wanted::COLORS);
+        assert!(all.sums.iter().any(|s| s.color[0] != 0.0 && s.moments[3] != 0.0));
+        for ((all, shapes), colors) in all.sums.iter().zip(&shapes.sums).zip(&colors.sums) {
+            assert_eq!((shapes.color, shapes.moments), ([0.0; 3], all.moments));
+            assert_eq!((colors.color, colors.moments), (all.color, [0.0; 6]));
+        }
+        assert!(all.surfaces == shapes.surfaces && colors.surfaces.is_empty());
+        let nothing = Wanted {
+            colors: false,
+            ..Wanted::COLORS
+        };
+        assert!(sums(nothing).sums.iter().all(Sums::is_zero));
     }
 }

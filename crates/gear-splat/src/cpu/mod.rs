@@ -32,18 +32,16 @@ pub(crate) mod simd;
 mod sort;
 mod spans;
 mod surface;
+mod visibility;
 mod work;
 
 pub use simd::SimdLevel;
 pub use work::Work;
 
-use rayon::prelude::*;
-
 use crate::render::{Counts, Outputs, PixelGradients, RenderOptions, Rendering, SceneGradients, Wanted};
 use crate::{Camera, Scene};
 use bin::{Bins, Grid};
 use project::Splat;
-use sort::Key;
 use surface::Surface;
 
 /// A scene seen by a camera, ready to be drawn.
@@ -56,6 +54,8 @@ pub struct Frame {
     counts: Counts,
     /// Number of Gaussians in the scene.
     total: usize,
+    /// Whether colours depend on the direction of view.
+    directional: bool,
     /// The seen Gaussians, front to back.
     splats: Vec<Splat>,
     /// Their indices in the scene.
@@ -95,10 +95,11 @@ impl Frame {
         let view = project::View::new(camera, options);
         let needs_surfaces = outputs.depth || outputs.median_depth || outputs.normal;
         let seen = project::project(scene, &view, needs_surfaces, level);
-        let ids: Vec<u32> = sort::front_to_back(&seen.keys).into_iter().map(Key::id).collect();
-        let splats = by_rank(&seen.splats, &ids);
+        let keys: Vec<&[sort::Key]> = seen.chunks().iter().map(|chunk| chunk.keys.as_slice()).collect();
+        let ids = sort::front_to_back(&keys);
+        let splats = seen.splats(&ids);
         let surfaces = if needs_surfaces {
-            by_rank(&seen.surfaces, &ids)
+            seen.surfaces(&ids)
         } else {
             Vec::new()
         };
@@ -110,6 +111,7 @@ impl Frame {
             outputs,
             counts: seen.counts,
             total: scene.len(),
+            directional: scene.sh_degree > 0,
             colors: if outputs.rgb {
                 color::colors(scene, camera, &ids)
             } else {
@@ -162,6 +164,12 @@ impl Frame {
         project_backward::to_scene(self, scene, &sums, wanted)
     }
 
+    /// Whether a gradient needs the sums for colours: for themselves, or because colours change with the direction in which a
+    /// pinhole sees the centres.
+    fn needs_color_sums(&self, wanted: Wanted) -> bool {
+        wanted.colors || wanted.centers && self.directional && self.view.is_pinhole()
+    }
+
     /// What became of the scene's Gaussians.
     pub fn counts(&self) -> Counts {
         self.counts
@@ -172,16 +180,24 @@ impl Frame {
         self.bins.len()
     }
 
+    /// The largest weight w = T α of every Gaussian of the scene at any pixel, by its index; 0 for those that this camera does
+    /// not see. Needs no output.
+    pub fn largest_weights(&self) -> Vec<f32> {
+        visibility::largest_weights(self)
+    }
+
+    /// For every Gaussian of the scene, the largest Σ w over the Gaussians that `of` marks at any pixel that it adds to; 0
+    /// for those that this camera does not see.
+    ///
+    /// # Panics
+    /// When `of` has not one entry for each Gaussian of the scene: a caller's bug.
+    pub fn largest_sums(&self, of: &[bool]) -> Vec<f32> {
+        assert_eq!(of.len(), self.total, "one mark a Gaussian");
+        visibility::largest_sums(self, of)
+    }
+
     /// Counts the work that [`Frame::draw`] does, pixel by pixel. Slow.
     pub fn work(&self) -> Work {
         work::count(self)
     }
-}
-
-/// The values of the Gaussians `ids`, in their order.
-fn by_rank<T: Copy + Send + Sync>(values: &[T], ids: &[u32]) -> Vec<T> {
-    ids.par_iter()
-        .with_min_len(4096)
-        .map(|&id| values[id as usize])
-        .collect()
 }

@@ -29,8 +29,8 @@ pub(crate) const SIGMA_MAX: f64 = 1e30;
 const LOG_SCALE_MAX: f64 = 69.0;
 /// Logits are held within this before anything else: opacity 1 and 0 are then exact in f32, and nothing overflows.
 pub(crate) const LOGIT_MAX: f64 = 80.0;
-/// Gaussians of one task.
-const CHUNK: usize = 4096;
+/// Gaussians of one task: few enough that two threads end at about the same time in a scene of twenty thousand.
+const CHUNK: usize = 1024;
 /// Gaussians projected together.
 const BLOCK: usize = 8;
 /// ½ log₂ e: from q to halvings of α.
@@ -278,6 +278,7 @@ const SEEN: u32 = 0;
 const OUTSIDE: u32 = 1;
 const TRANSPARENT: u32 = 2;
 const BEHIND: u32 = 3;
+const INVALID: u32 = 4;
 
 /// The attributes of a few Gaussians, one array a component.
 #[derive(Default)]
@@ -367,87 +368,106 @@ simd_kernels! {
     }
 }
 
-/// The scene on the screen.
-#[derive(Default)]
+/// The scene on the screen, in chunks of [`CHUNK`] Gaussians in scene order.
+///
+/// Each task fills vectors of its own. One vector for all would be filled with zeros by one thread first, while the
+/// others wait.
 pub(crate) struct Seen {
-    /// One for each Gaussian of the scene; those that are not seen are zero.
-    pub splats: Vec<Splat>,
-    /// Likewise; empty unless asked for.
-    pub surfaces: Vec<Surface>,
-    /// The Gaussians that touch the picture, in scene order.
-    pub keys: Vec<Key>,
+    chunks: Vec<Chunk>,
     pub counts: Counts,
 }
 
-pub(crate) fn project(scene: &Scene, view: &View, surfaces: bool, level: SimdLevel) -> Seen {
-    let mut all = Seen {
-        splats: vec![Splat::default(); scene.len()],
-        surfaces: vec![Surface::default(); if surfaces { scene.len() } else { 0 }],
-        ..Seen::default()
-    };
-    let mut chunks = all.surfaces.chunks_mut(CHUNK);
-    let tasks: Vec<_> = all
-        .splats
-        .chunks_mut(CHUNK)
-        .map(|splats| (splats, chunks.next().unwrap_or_default()))
-        .collect();
-    let found: Vec<(Vec<Key>, Counts)> = tasks
-        .into_par_iter()
-        .enumerate()
-        .map(|(chunk, (splats, surfaces))| project_chunk(scene, view, level, chunk * CHUNK, splats, surfaces))
-        .collect();
-    all.keys.reserve_exact(found.iter().map(|(keys, _)| keys.len()).sum());
-    for (keys, counts) in found {
-        all.keys.extend_from_slice(&keys);
-        all.counts.add(&counts);
-    }
-    all
+/// What one task projects.
+pub(crate) struct Chunk {
+    /// One for each Gaussian; those that are not seen are zero.
+    splats: Vec<Splat>,
+    /// Likewise; empty unless asked for.
+    surfaces: Vec<Surface>,
+    /// The Gaussians that touch the picture, in scene order.
+    pub keys: Vec<Key>,
+    counts: Counts,
 }
 
-/// Projects the Gaussians from `first` on, as many as `splats` has room for.
-fn project_chunk(
-    scene: &Scene,
-    view: &View,
-    level: SimdLevel,
-    first: usize,
-    splats: &mut [Splat],
-    surfaces: &mut [Surface],
-) -> (Vec<Key>, Counts) {
-    let kernel = if surfaces.is_empty() {
-        project_block
-    } else {
-        project_block_and_planes
-    };
-    let mut keys = Vec::with_capacity(splats.len());
+impl Seen {
+    pub fn chunks(&self) -> &[Chunk] {
+        &self.chunks
+    }
+
+    /// The ellipses of the Gaussians `ids`, in their order.
+    pub fn splats(&self, ids: &[u32]) -> Vec<Splat> {
+        self.pick(ids, |chunk| &chunk.splats)
+    }
+
+    /// Their planes.
+    pub fn surfaces(&self, ids: &[u32]) -> Vec<Surface> {
+        self.pick(ids, |chunk| &chunk.surfaces)
+    }
+
+    fn pick<T: Copy + Send>(&self, ids: &[u32], of: impl Fn(&Chunk) -> &[T] + Sync) -> Vec<T> {
+        ids.par_iter()
+            .with_min_len(1024)
+            .map(|&id| of(&self.chunks[id as usize / CHUNK])[id as usize % CHUNK])
+            .collect()
+    }
+}
+
+pub(crate) fn project(scene: &Scene, view: &View, surfaces: bool, level: SimdLevel) -> Seen {
+    let chunks: Vec<Chunk> = (0..scene.len().div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| project_chunk(scene, view, level, chunk * CHUNK, surfaces))
+        .collect();
     let mut counts = Counts::default();
+    chunks.iter().for_each(|chunk| counts.add(&chunk.counts));
+    Seen { chunks, counts }
+}
+
+/// Projects the Gaussians from `first` on.
+fn project_chunk(scene: &Scene, view: &View, level: SimdLevel, first: usize, planes: bool) -> Chunk {
+    let kernel = if planes {
+        project_block_and_planes
+    } else {
+        project_block
+    };
+    let len = CHUNK.min(scene.len() - first);
+    let mut chunk = Chunk {
+        splats: Vec::with_capacity(len),
+        surfaces: Vec::with_capacity(if planes { len } else { 0 }),
+        keys: Vec::with_capacity(len),
+        counts: Counts::default(),
+    };
+    let Chunk {
+        splats,
+        surfaces,
+        keys,
+        counts,
+    } = &mut chunk;
     let mut block = Block::default();
     let mut out = Projected::default();
-    for at in (0..splats.len()).step_by(BLOCK) {
-        let count = BLOCK.min(splats.len() - at);
+    for at in (0..len).step_by(BLOCK) {
+        let count = BLOCK.min(len - at);
         for l in 0..count {
             block.set(l, scene, first + at + l);
         }
         kernel(level, view, &block, &mut out);
         for l in 0..count {
             let i = first + at + l;
-            if !scene.is_valid(i) {
-                counts.invalid += 1;
-                continue;
+            let fate = if scene.is_valid(i) { out.fate[l] } else { INVALID };
+            let seen = fate == SEEN;
+            splats.push(if seen { out.splat(l) } else { Splat::default() });
+            if planes {
+                surfaces.push(if seen { out.surface(l) } else { Surface::default() });
             }
-            match out.fate[l] {
+            match fate {
                 SEEN => {
                     counts.seen += 1;
-                    splats[at + l] = out.splat(l);
                     keys.push(Key::new(out.depth[l], i as u32));
-                    if let Some(surface) = surfaces.get_mut(at + l) {
-                        *surface = out.surface(l);
-                    }
                 }
                 TRANSPARENT => counts.transparent += 1,
                 BEHIND => counts.behind += 1,
+                INVALID => counts.invalid += 1,
                 _ => counts.outside += 1,
             }
         }
     }
-    (keys, counts)
+    chunk
 }

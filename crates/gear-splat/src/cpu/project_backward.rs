@@ -79,16 +79,20 @@ fn one(
     rest: &mut [f32],
 ) -> Gradient {
     let mut gradient = Gradient::default();
-    let by_direction = color(frame, scene, i, sums, &mut gradient, rest);
-    if !wanted.moves_shapes() {
-        return gradient;
-    }
-    let footprint = frame.view.footprint_of(scene, i);
+    let by_direction = if frame.needs_color_sums(wanted) {
+        color(frame, scene, i, sums, &mut gradient, rest)
+    } else {
+        DVec3::ZERO
+    };
     let by_log_opacity = f64::from(sums.moments[0]);
     let logit = f64::from(scene.opacity_logits[i]);
     if logit.abs() <= LOGIT_MAX {
         gradient.opacity_logit = (by_log_opacity * (1.0 - sigmoid(logit))) as f32;
     }
+    if !(wanted.centers || wanted.log_scales || wanted.rotations) {
+        return gradient;
+    }
+    let footprint = frame.view.footprint_of(scene, i);
     let by_ellipse = ellipse(&footprint, sums);
     let mut by = Intermediate {
         mean: by_ellipse.mean,

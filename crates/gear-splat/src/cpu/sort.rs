@@ -31,39 +31,67 @@ const DIGIT_BITS: u32 = 11;
 const DIGITS: usize = 1 << DIGIT_BITS;
 /// The keys' range of depths is cut into so many buckets, which are sorted at the same time.
 const BUCKETS: usize = 64;
-/// Keys that one task hands out to buckets.
+/// Keys that one task hands out to buckets, at most: with fewer keys there are eight tasks.
 const CHUNK: usize = 16_384;
 /// Below this a comparison sort is faster than counting digits.
 const FEW: usize = 1024;
 
-/// Sorts keys that come in the order of their indices. The most significant digit first: chunks of the keys are handed
-/// out to buckets; then each bucket is put together in the order of the chunks and sorted by the digits that are left,
-/// the least significant first.
-pub(crate) fn front_to_back(keys: &[Key]) -> Vec<Key> {
-    let depths = || keys.iter().map(|key| key.depth());
-    let (Some(least), Some(most)) = (depths().min(), depths().max()) else {
+/// The indices of keys in the order of their depths. The keys come in parts, in the order of their indices. The most
+/// significant digit first: runs of parts are handed out to buckets; then each bucket is put together in the order of the
+/// runs and sorted by the digits that are left, the least significant first.
+pub(crate) fn front_to_back(parts: &[&[Key]]) -> Vec<u32> {
+    let extremes = |part: &&[Key]| {
+        let depths = || part.iter().map(|key| key.depth());
+        Some((depths().min()?, depths().max()?))
+    };
+    let ends = parts.par_iter().with_min_len(8).filter_map(extremes);
+    let Some((least, most)) = ends.reduce_with(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
         return Vec::new();
     };
     let bits = u32::BITS - (most - least).leading_zeros();
     let shift = bits.saturating_sub(BUCKETS.trailing_zeros());
-    let chunks: Vec<Vec<Vec<Key>>> = keys
-        .par_chunks(CHUNK)
-        .map(|chunk| {
+    let total: usize = parts.iter().map(|part| part.len()).sum();
+    let share = total.div_ceil(8).min(CHUNK);
+    let chunks: Vec<Vec<Vec<Key>>> = runs(parts, share)
+        .into_par_iter()
+        .map(|run| {
             let mut buckets = vec![Vec::new(); BUCKETS];
-            for &key in chunk {
+            for &key in run.iter().copied().flatten() {
                 buckets[((key.depth() - least) >> shift) as usize].push(key);
             }
             buckets
         })
         .collect();
-    let buckets: Vec<Vec<Key>> = (0..BUCKETS)
-        .into_par_iter()
-        .map(|bucket| {
-            let parts: Vec<&[Key]> = chunks.iter().map(|chunk| chunk[bucket].as_slice()).collect();
-            sort_bucket(parts.concat(), least, shift)
-        })
-        .collect();
-    buckets.concat()
+    let mut ids = vec![0; total];
+    let mut rest = ids.as_mut_slice();
+    let mut places = Vec::with_capacity(BUCKETS);
+    for bucket in 0..BUCKETS {
+        let here = chunks.iter().map(|chunk| chunk[bucket].len()).sum();
+        let (place, after) = rest.split_at_mut(here);
+        places.push(place);
+        rest = after;
+    }
+    places.into_par_iter().enumerate().for_each(|(bucket, place)| {
+        let parts: Vec<&[Key]> = chunks.iter().map(|chunk| chunk[bucket].as_slice()).collect();
+        let keys = sort_bucket(parts.concat(), least, shift);
+        place.iter_mut().zip(keys).for_each(|(id, key)| *id = key.id());
+    });
+    ids
+}
+
+/// Runs of parts with about `share` keys each.
+fn runs<'a, 'k>(parts: &'a [&'k [Key]], share: usize) -> Vec<&'a [&'k [Key]]> {
+    let mut runs = Vec::new();
+    let (mut first, mut keys) = (0, 0);
+    for (i, part) in parts.iter().enumerate() {
+        keys += part.len();
+        if keys >= share {
+            runs.push(&parts[first..=i]);
+            (first, keys) = (i + 1, 0);
+        }
+    }
+    runs.push(&parts[first..]);
+    runs
 }
 
 /// A stable sort by the lower `bits` of the depths above `least`.
@@ -102,7 +130,11 @@ mod tests {
 
     fn sorted(depths: &[f32]) -> Vec<u32> {
         let keys: Vec<Key> = depths.iter().enumerate().map(|(i, &d)| Key::new(d, i as u32)).collect();
-        front_to_back(&keys).into_iter().map(Key::id).collect()
+        // Parts of several lengths, empty ones among them.
+        let (first, rest) = keys.split_at(keys.len() / 3);
+        let mut parts = vec![first, &[]];
+        parts.extend(rest.chunks(1000));
+        front_to_back(&parts)
     }
 
     #[test]
