@@ -156,7 +156,10 @@ fn assert_front_decides(stack: &Scene, camera: &Camera) {
     let draw = |scene: &Scene| render(scene, camera, &RenderOptions::default(), Outputs::RGBA);
     let whole = draw(stack);
     assert!(whole.alpha.as_ref().unwrap().at(8, 8) > 0.999);
-    assert_eq!(whole, draw(&stack.filtered(|i| i < 1000)));
+    let front = stack.filtered(|i| i < 1000);
+    assert_eq!(whole, draw(&front));
+    #[cfg(feature = "gpu")]
+    assert_eq!(crate::gpu::draw(stack, camera), crate::gpu::draw(&front, camera));
 }
 
 #[test]

@@ -49,6 +49,24 @@ pub fn assert_agrees(scene: &Scene, camera: &Camera, options: &RenderOptions, sl
     }
 }
 
+/// What the GPU draws, if there is one.
+pub fn draw(scene: &Scene, camera: &Camera) -> Option<Rendering> {
+    let frame = Frame::new(shared()?, scene, camera, &RenderOptions::default(), Outputs::RGBA);
+    Some(frame.unwrap().draw().unwrap())
+}
+
+/// The GPU's gradients by a loss on colour and coverage, if there is one.
+pub fn gradients(
+    scene: &Scene,
+    camera: &Camera,
+    options: &RenderOptions,
+    pixels: &PixelGradients,
+) -> Option<SceneGradients> {
+    let frame = Frame::new(shared()?, scene, camera, options, Outputs::RGBA).unwrap();
+    let picture = frame.draw().unwrap();
+    Some(frame.backward(scene, &picture, pixels, Wanted::ALL).unwrap())
+}
+
 pub fn assert_gradients_agree(
     scene: &Scene,
     camera: &Camera,
@@ -271,6 +289,26 @@ fn a_gpu_whose_buffers_are_too_small_leaves_it_to_the_cpu_and_tells_once() {
     let [camera, _] = cameras(40, 40);
     let refused = strict.render(&scene, &camera, &RenderOptions::default(), Outputs::RGBA);
     assert!(refused.unwrap_err().to_string().contains("4096 bytes a buffer"));
+}
+
+/// 67 million pixels: either the adapter's buffers hold them, or it says which limit is too small and the CPU draws.
+#[test]
+fn a_picture_of_8192_squared_is_drawn_or_left_to_the_cpu() {
+    let Some(gpu) = open() else { return };
+    let (fallback, told) = counting();
+    let device = Device::on(gpu, fallback);
+    let ball = scene([gaussian(Vec3::ZERO, Vec3::splat(1e30), 0.5)]);
+    let outputs = Outputs {
+        alpha: true,
+        ..Outputs::default()
+    };
+    let camera = Camera::front(8192, 8192);
+    let picture = device
+        .render(&ball, &camera, &RenderOptions::default(), outputs)
+        .unwrap();
+    let alpha = picture.alpha.unwrap();
+    assert!((alpha.at(0, 0) - 0.5).abs() < 1e-5 && (alpha.at(8191, 8191) - 0.5).abs() < 1e-5);
+    assert!(told.load(Ordering::Relaxed) <= 1);
 }
 
 #[test]

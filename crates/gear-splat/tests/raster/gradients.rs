@@ -39,7 +39,7 @@ fn loss(
     total
 }
 
-fn assert_gradients(scene: &Scene, camera: &Camera, options: &RenderOptions) {
+pub fn assert_gradients(scene: &Scene, camera: &Camera, options: &RenderOptions) {
     assert_gradients_of(scene, camera, options, false);
 }
 
@@ -89,7 +89,8 @@ fn assert_gradients_of(scene: &Scene, camera: &Camera, options: &RenderOptions, 
         let pairs: Vec<(f64, f64)> = (0..scene.len())
             .map(|i| (f64::from(analytic(i)), difference(change, i)))
             .collect();
-        let scale = pairs.iter().map(|p| p.1.abs()).fold(1e-9, f64::max);
+        // Below 1e-6 the quotient itself is rounding of the loss.
+        let scale = pairs.iter().map(|p| p.1.abs()).fold(1e-6, f64::max);
         for (i, (analytic, numeric)) in pairs.into_iter().enumerate() {
             assert!(
                 (analytic - numeric).abs() <= 2e-3 * scale,

@@ -4,6 +4,7 @@
 
 mod agreement;
 mod determinism;
+mod extreme_gradients;
 mod extremes;
 #[cfg(feature = "gpu")]
 mod gpu;
