@@ -1,5 +1,6 @@
 //! `gear convert` and `gear render`: scenes in, scenes and pictures out, and what is lost is told.
 
+use std::collections::BTreeMap;
 use std::process::Command;
 
 use gear_splat::formats::{self, Format, planes_exr};
@@ -25,6 +26,9 @@ fn scene(sh_degree: u8) -> Scene {
             opacity: 0.95,
             color: if z > 0.0 { [0.9, 0.2, 0.1] } else { [0.1, 0.2, 0.9] },
         });
+    }
+    for (i, x) in scene.sh_rest.iter_mut().enumerate() {
+        *x = 0.01 * ((i % 5) as f32 - 2.0);
     }
     scene
 }
@@ -92,6 +96,41 @@ fn what_a_format_cannot_hold_is_told() {
         .exits(0)
         .says("1 Gaussians are not finite");
     assert_eq!(formats::open(&desk.path("odd.spz")).unwrap().scene.len(), 299);
+}
+
+#[test]
+fn what_no_view_sees_is_pruned() {
+    let desk = Desk::new();
+    let shell = scene(0);
+    let mut filled = shell.clone();
+    for i in 0..40 {
+        filled.push(Gaussian {
+            center: Vec3::splat(1e-3 * i as f32),
+            scales: Vec3::splat(0.02),
+            rotation: Quat::IDENTITY,
+            opacity: 0.9,
+            color: [0.0, 1.0, 0.0],
+        });
+    }
+    // Closed: no light passes between the surfels.
+    filled.log_scales[..300]
+        .iter_mut()
+        .for_each(|s| *s += Vec3::new(1.0, 1.0, 0.0));
+    desk.file("filled.ply", formats::write(&filled, Format::Ply).unwrap().bytes);
+    desk.gear(&["convert", "--prune", "30", "filled.ply", "outside.ply"])
+        .exits(0)
+        .says("30 views from all around do not need");
+    let outside = formats::open(&desk.path("outside.ply")).unwrap().scene;
+    assert!(outside.len() <= 300 && outside.len() > 150, "{}", outside.len());
+    for name in ["filled.ply", "outside.ply"] {
+        desk.gear(&["render", name, "--orbit", "5", "--out", name.trim_end_matches(".ply")])
+            .exits(0);
+    }
+    let shown = |folder: &str| picture(&desk, &format!("{folder}/yaw+72.png"));
+    assert!(difference(&shown("filled"), &shown("outside")) < 0.5);
+    desk.gear(&["convert", "--prune", "0", "filled.ply", "no.ply"])
+        .exits(2)
+        .says("1..=1000");
 }
 
 #[test]
@@ -316,6 +355,12 @@ fn another_reader_finds_in_our_files_what_we_wrote() {
                 (0..3).all(|c| (ours.color(j)[c] - theirs.color(i)[c]).abs() < color),
                 "{to} {i}"
             );
+            assert!((ours.opacity(j) - theirs.opacity(i)).abs() < 0.005, "{to} {i}");
+            if theirs.sh_degree > 0 {
+                let pairs = ours.sh_rest_of(j).iter().zip(theirs.sh_rest_of(i));
+                let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                assert!(theirs.sh_degree == 3 && worst < 10.0 * color, "{to} {i}: {worst}");
+            }
             // A half turn about an own axis gives the same Gaussian.
             let [a, b] = [ours.rotations[j], theirs.rotations[i]].map(|q| Mat3::from_quat(q.normalize()));
             for axis in 0..3 {
@@ -324,4 +369,62 @@ fn another_reader_finds_in_our_files_what_we_wrote() {
             }
         }
     }
+
+    // It writes glTF and does not read it: what both make of the same scene has to be the same. It turns PLY by half a turn
+    // about z on the way to glTF, where y points up.
+    transform(&["scene.ply", "--rotate", "0,0,180", "theirs.glb"]);
+    let [ours, theirs] = ["ours.glb", "theirs.glb"].map(|name| splats(&std::fs::read(desk.path(name)).unwrap()));
+    for (property, value) in ours.0.as_object().unwrap() {
+        assert_eq!(
+            value, &theirs.0[property],
+            "{property}; what is not given has a default"
+        );
+    }
+    assert!(
+        ours.1.len() == 20 && ours.1.keys().eq(theirs.1.keys()),
+        "{:?}",
+        theirs.1.keys()
+    );
+    for (name, values) in &ours.1 {
+        assert_eq!(values.len(), theirs.1[name].len(), "{name}");
+        let width = values.len() / 300;
+        for (a, b) in values.chunks_exact(width).zip(theirs.1[name].chunks_exact(width)) {
+            let off = |sign: f32| a.iter().zip(b).map(|(a, b)| (a - sign * b).abs()).fold(0.0, f32::max);
+            // q and −q are the same rotation.
+            let off = if name.ends_with("ROTATION") {
+                off(1.0).min(off(-1.0))
+            } else {
+                off(1.0)
+            };
+            assert!(off < 1e-5, "{name}: {a:?} and {b:?}");
+        }
+    }
+}
+
+/// The extension's object and the attributes of f32 in a GLB file of splats.
+fn splats(glb: &[u8]) -> (serde_json::Value, BTreeMap<String, Vec<f32>>) {
+    let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
+    let end = 20 + word(12);
+    let document: serde_json::Value = serde_json::from_slice(&glb[20..end]).unwrap();
+    let primitive = &document["meshes"][0]["primitives"][0];
+    let mut attributes = BTreeMap::new();
+    for (name, index) in primitive["attributes"].as_object().unwrap() {
+        let accessor = &document["accessors"][index.as_u64().unwrap() as usize];
+        if accessor["componentType"] != 5126 {
+            continue;
+        }
+        let view = &document["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+        let offset = |value: &serde_json::Value| value["byteOffset"].as_u64().unwrap_or(0) as usize;
+        let from = end + 8 + offset(view) + offset(accessor);
+        let width = match accessor["type"].as_str().unwrap() {
+            "SCALAR" => 1,
+            "VEC3" => 3,
+            _ => 4,
+        };
+        let count = width * accessor["count"].as_u64().unwrap() as usize;
+        let floats = glb[from..from + 4 * count].chunks_exact(4);
+        let values = floats.map(|x| f32::from_le_bytes(x.try_into().unwrap())).collect();
+        attributes.insert(name.clone(), values);
+    }
+    (primitive["extensions"]["KHR_gaussian_splatting"].clone(), attributes)
 }

@@ -370,6 +370,9 @@ pub struct ConvertArgs {
     /// In IN, y points downwards, as in most scenes made from photographs; turn it over
     #[arg(long)]
     pub y_down: bool,
+    /// Leave out what N views from all around do not need: no pixel of theirs changes by more than 1/255
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub prune: Option<u32>,
 }
 
 /// `gear render`.
