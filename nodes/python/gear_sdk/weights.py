@@ -55,3 +55,24 @@ def model(name: str) -> str:
     reference = Path(cache) / ("models--" + name.replace("/", "--")) / "refs" / "main"
     commit = reference.read_text().strip() if reference.is_file() else "not downloaded"
     return f"{name}@{commit}"
+
+
+def checkout(folder: "str | None") -> str:
+    """The commit of a clone, or `unknown`: for code that is no package."""
+    if not folder:
+        return "unknown"
+    git = Path(folder) / ".git"
+    try:
+        head = (git / "HEAD").read_text().strip()
+        if not head.startswith("ref: "):
+            return head
+        name = head[len("ref: ") :]
+        loose = git / name
+        if loose.is_file():
+            return loose.read_text().strip()
+        for line in (git / "packed-refs").read_text().splitlines():
+            if line.endswith(" " + name):
+                return line.split()[0]
+    except OSError:
+        pass
+    return "unknown"
