@@ -5,6 +5,7 @@ extern crate self as gear_graph;
 
 mod any;
 mod digest;
+mod foreign;
 pub mod graph;
 mod node;
 mod params;
@@ -17,6 +18,7 @@ mod values;
 
 pub use any::{AnyValue, ValueType};
 pub use digest::{Digest, Hasher};
+pub use foreign::{Foreign, ForeignRefusal, interned};
 pub use gear_graph_derive::{Choice, Inputs, Outputs, Params};
 pub use graph::{Graph, GraphFile, GraphInput, GraphNode, GraphOutput, GraphSource, Library, Mistakes, Unreadable};
 pub use node::{

@@ -2,6 +2,7 @@
 //! link time is silently empty when nothing names the crate.
 
 use std::collections::BTreeMap;
+use std::panic::{RefUnwindSafe, UnwindSafe};
 use std::sync::Arc;
 
 use crate::{
@@ -30,6 +31,9 @@ pub struct NodeSpec {
     pub outputs: Vec<PortSpec>,
     /// Parameters, in order.
     pub params: Vec<ParamSpec>,
+    /// What the node comes from, if it is not part of the program: a plugin's name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plugin: Option<&'static str>,
 }
 
 impl NodeSpec {
@@ -46,6 +50,7 @@ impl NodeSpec {
             inputs,
             outputs,
             params: N::specs(),
+            plugin: None,
         }
     }
 }
@@ -124,7 +129,10 @@ impl<L: Loader> AnyLoader for L {
     }
 }
 
-type ReadNode = fn(&mut Fields<'_, '_>) -> Option<Arc<dyn AnyNode>>;
+type ReadNode = Arc<dyn Fn(&mut Fields<'_, '_>) -> Option<Arc<dyn AnyNode>> + Send + Sync>;
+/// Sets of ports are kept as bits of one word.
+pub(crate) const MOST_PORTS: usize = 64;
+
 type ReadLoader = fn(&mut Fields<'_, '_>) -> Option<Arc<dyn AnyLoader>>;
 
 /// A registered node type.
@@ -134,6 +142,10 @@ pub struct NodeType {
     pub spec: Arc<NodeSpec>,
     pub(crate) read: ReadNode,
 }
+
+// Reading parameters changes nothing, so a panic in it leaves nothing half changed.
+impl UnwindSafe for NodeType {}
+impl RefUnwindSafe for NodeType {}
 
 /// A registered loader.
 #[derive(Clone)]
@@ -179,15 +191,14 @@ impl Registry {
         for port in spec.inputs.iter().chain(&spec.outputs) {
             self.add_value(port.value_type);
         }
-        // Sets of ports are kept as bits of one word.
         assert!(
-            spec.inputs.len() <= 64 && spec.outputs.len() <= 64,
-            "`{}` has more than 64 ports",
+            spec.inputs.len() <= MOST_PORTS && spec.outputs.len() <= MOST_PORTS,
+            "`{}` has more than {MOST_PORTS} ports",
             N::NAME
         );
         let node_type = NodeType {
             spec: Arc::new(spec),
-            read: |fields| N::read(fields).map(|node| Arc::new(node) as Arc<dyn AnyNode>),
+            read: Arc::new(|fields| N::read(fields).map(|node| Arc::new(node) as Arc<dyn AnyNode>)),
         };
         let before = self.nodes.insert(N::NAME, node_type);
         assert!(before.is_none(), "two node types are named `{}`", N::NAME);
@@ -239,6 +250,11 @@ impl Registry {
             .finish()
     }
 
+    /// Adds what [`Registry::foreign`] has checked.
+    pub(crate) fn insert_checked(&mut self, node_type: NodeType) {
+        self.nodes.insert(node_type.spec.name, node_type);
+    }
+
     fn add_value(&mut self, value_type: ValueType) {
         let before = self.values.insert(value_type.name, value_type);
         assert!(
@@ -279,7 +295,7 @@ impl Registry {
     }
 }
 
-fn numerics(uses: &[Numerics], types: impl IntoIterator<Item = ValueType>) -> Vec<Numerics> {
+pub(crate) fn numerics(uses: &[Numerics], types: impl IntoIterator<Item = ValueType>) -> Vec<Numerics> {
     let mut all: Vec<_> = uses
         .iter()
         .copied()

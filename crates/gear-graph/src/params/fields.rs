@@ -1,6 +1,6 @@
 //! Reading parameters one by one; mistakes are collected, never thrown.
 
-use super::{Limits, Param, Problem, Span, Spanned, Tree, TreeKind, Variant};
+use super::{Limits, Param, ParamKind, Problem, Span, Spanned, Tree, TreeKind, Variant};
 use crate::graph::nearest;
 
 /// Where a parameter's reading reports mistakes, and what the parameter is called in messages.
@@ -195,6 +195,17 @@ impl<'t, 'p> Fields<'t, 'p> {
 
     /// Reads the parameter `name`.
     pub fn take<T: Param>(&mut self, name: &'static str, limits: &Limits, default: Option<T>) -> Option<T> {
+        self.take_with(name, &T::kind(), default, |tree, reader| T::read(tree, limits, reader))
+    }
+
+    /// Reads the parameter `name` of this kind with `read`.
+    pub(super) fn take_with<T>(
+        &mut self,
+        name: &'static str,
+        kind: &ParamKind,
+        default: Option<T>,
+        read: impl FnOnce(&Tree, &mut Reader<'_>) -> Option<T>,
+    ) -> Option<T> {
         self.known.push(name);
         // Duplicate keys were reported when the tree was checked; the last one counts.
         match self.entries.iter().rev().find(|(key, _)| key.value == name) {
@@ -203,11 +214,11 @@ impl<'t, 'p> Fields<'t, 'p> {
                     problems: self.problems,
                     subject: format!("parameter `{name}` of {}", self.owner),
                 };
-                T::read(tree, limits, &mut reader)
+                read(tree, &mut reader)
             }
             None => {
                 if default.is_none() {
-                    let kind = T::kind().describe();
+                    let kind = kind.describe();
                     self.problems.push(Problem::error(
                         "missing-parameter",
                         format!("{} needs the parameter `{name}`: {kind}", self.owner),

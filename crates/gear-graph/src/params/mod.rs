@@ -2,6 +2,7 @@
 
 mod builtin;
 mod choice;
+mod described;
 mod fields;
 mod limits;
 mod problem;

@@ -38,7 +38,7 @@ impl Subject {
     /// A registered node type, with parameters as a graph gives them; the mistakes in these if there are any.
     pub fn of(node_type: &NodeType, params: &serde_json::Value) -> Result<Self, Vec<Problem>> {
         Ok(Self {
-            node: super::read_with(params, node_type.read)?,
+            node: super::read_with(params, |fields| (node_type.read)(fields))?,
             spec: Arc::clone(&node_type.spec),
             title: node_type.spec.name.to_owned(),
         })
@@ -88,6 +88,23 @@ impl Subject {
     /// What people and tools see of the node.
     pub fn spec(&self) -> &NodeSpec {
         &self.spec
+    }
+
+    /// Its answers to the first extreme cases that the types of its inputs declare: what each case is, and the digests of
+    /// the outputs or the error. To be compared with those of another process, or another machine.
+    pub fn answers(&self, most: usize) -> Vec<(String, Result<Vec<Option<Digest>>, String>)> {
+        let cases = super::cases::together(&self.spec.inputs);
+        let answer = |case: super::cases::Case| {
+            let run = self.run(case.inputs, &self.want(|_| true), &Context::detached());
+            let digests = |outputs: Vec<Option<AnyValue>>| {
+                outputs
+                    .iter()
+                    .map(|value| value.as_ref().map(AnyValue::digest))
+                    .collect()
+            };
+            (case.name, run.map(digests).map_err(|error| error.to_string()))
+        };
+        cases.into_iter().take(most).map(answer).collect()
     }
 
     pub(super) fn want(&self, wanted: impl Fn(&str) -> bool) -> Want {

@@ -7,7 +7,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use gear_graph::{Limits, NodeSpec, ParamKind, ParamSpec, PortSpec, Registry, ValueType};
+use gear_graph::{Limits, NodeSpec, ParamKind, ParamSpec, PortSpec, Registry, ValueType, interned};
 
 use super::names::Port;
 use super::{Draft, Refusal};
@@ -84,8 +84,7 @@ fn port_doc(port: &Port) -> String {
 
 /// What the node will say of itself when it is compiled: for the reference, before it is.
 pub fn spec(draft: &Draft) -> NodeSpec {
-    // A command writes one node and ends.
-    let kept = |text: String| -> &'static str { Box::leak(text.into_boxed_str()) };
+    let kept = |text: String| interned(&text);
     let port = |port: &Port, lazy: bool| PortSpec {
         name: kept(port.name.clone()),
         doc: kept(port_doc(port)),
@@ -114,6 +113,7 @@ pub fn spec(draft: &Draft) -> NodeSpec {
         inputs: draft.inputs.iter().map(|p| port(p, false)).collect(),
         outputs: draft.outputs.iter().map(|p| port(p, true)).collect(),
         params: draft.dims().then_some(amount).into_iter().collect(),
+        plugin: None,
     }
 }
 
