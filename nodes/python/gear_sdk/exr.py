@@ -18,7 +18,7 @@ MAGIC = 20000630
 _LONG_NAMES = 0x400
 _MULTI_PART = 0x1000
 _REFUSED = {0x200: "tiles", 0x800: "deep data"}
-_TYPES = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
+_TYPES: Dict[int, np.dtype] = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
 _LINES = {0: 1, 2: 1, 3: 16}
 """Lines of a block, by compression: none, ZIPS, ZIP."""
 
@@ -148,7 +148,7 @@ class _Layout:
 
 def _channels(data: bytes) -> List[Tuple[str, np.dtype]]:
     reader = _Reader(data)
-    out = []
+    out: List[Tuple[str, np.dtype]] = []
     while True:
         name = reader.name()
         if not name:
@@ -174,9 +174,9 @@ def _layout(reader: _Reader) -> _Layout:
         window = struct.unpack("<4i", attributes["dataWindow"][1])
     except (KeyError, IndexError, struct.error) as error:
         raise ExrError(f"the header is incomplete: {error}") from error
-    kind = attributes.get("type", ("string", b"scanlineimage"))[1]
-    if kind != b"scanlineimage" or compression not in _LINES:
-        raise ExrError(f"expected scanlines, uncompressed or ZIP; found {kind.decode()} with compression {compression}")
+    form = attributes.get("type", ("string", b"scanlineimage"))[1]
+    if form != b"scanlineimage" or compression not in _LINES:
+        raise ExrError(f"expected scanlines, uncompressed or ZIP; found {form!r} with compression {compression}")
     texts = {
         key: data.decode("utf-8", "replace")
         for key, (attribute, data) in attributes.items()

@@ -51,7 +51,7 @@ class Node:
     def __init__(
         self,
         function: Callable[..., Any],
-        outputs: Dict[str, Tuple[type, str]],
+        outputs: Dict[str, Tuple[Any, str]],
         version: int,
         deterministic: bool,
     ):
@@ -123,7 +123,7 @@ class Plugin:
     def node(
         self,
         *,
-        outputs: Dict[str, Tuple[type, str]],
+        outputs: Dict[str, Tuple[Any, str]],
         version: int = 1,
         deterministic: bool = True,
     ) -> Callable[[Callable[..., Any]], Node]:
@@ -177,6 +177,7 @@ class _Server:
         self.requests: "queue.Queue[Optional[Dict[str, Any]]]" = queue.Queue()
         self.cancelled = threading.Event()
         self.running: Any = None
+        self.unwanted: Any = None
         self.scratch = Path(".")
 
     def run(self) -> None:
@@ -201,7 +202,8 @@ class _Server:
             if not isinstance(request, dict):
                 continue
             if request.get("method") == "cancel":
-                if request.get("params", {}).get("id") == self.running:
+                self.unwanted = request.get("params", {}).get("id")
+                if self.unwanted == self.running:
                     self.cancelled.set()
             else:
                 self.requests.put(request)
@@ -259,6 +261,9 @@ class _Server:
             raise NodeFailure(f"the plugin `{self.plugin.name}` has no node `{params['node']}`")
         self.cancelled.clear()
         self.running = number
+        if self.unwanted == number:
+            # It was cancelled before it began.
+            self.cancelled.set()
         wanted = params["outputs"]
         ctx = Context(
             int(params["seed"]),

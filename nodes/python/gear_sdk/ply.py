@@ -50,7 +50,9 @@ def read(data: bytes) -> Tuple[Dict[str, np.ndarray], List[str]]:
     stop = data.find(b"\n", end)
     if not data.startswith(b"ply") or end < 0 or stop < 0:
         raise PlyError("not a PLY file")
-    encoding, comments, elements = "", [], []
+    encoding = ""
+    comments: List[str] = []
+    elements: List[Tuple[str, int, List[Tuple[str, str]]]] = []
     for line in data[:end].decode("utf-8", "replace").splitlines()[1:]:
         words = line.split()
         if not words:
@@ -69,21 +71,21 @@ def read(data: bytes) -> Tuple[Dict[str, np.ndarray], List[str]]:
     order = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}.get(encoding)
     if order is None:
         raise PlyError(f"unknown format `{encoding}`")
-    words = iter(data[at:].split()) if encoding == "ascii" else None
+    numbers = iter(data[at:].split()) if encoding == "ascii" else None
     for element, count, properties in elements:
         layout = np.dtype([(name, order + kind) for name, kind in properties])
-        if words is not None:
+        if numbers is not None:
             try:
-                rows = [[float(next(words)) for _ in properties] for _ in range(count)]
+                rows = [[float(next(numbers)) for _ in properties] for _ in range(count)]
             except (StopIteration, RuntimeError) as error:
                 raise PlyError("the file ends too early") from error
             table = {name: np.array([row[i] for row in rows], np.float32) for i, (name, _) in enumerate(properties)}
         else:
             if count < 0 or at + count * layout.itemsize > len(data):
                 raise PlyError("the file ends too early")
-            rows = np.frombuffer(data, layout, count, at)
+            packed = np.frombuffer(data, layout, count, at)
             at += count * layout.itemsize
-            table = {name: rows[name].astype(np.float32) for name, _ in properties}
+            table = {name: packed[name].astype(np.float32) for name, _ in properties}
         if element == "vertex":
             return table, comments
     raise PlyError("the file has no vertices")

@@ -119,14 +119,19 @@ class Camera:
     @classmethod
     def from_json(cls, value: Dict[str, Any]) -> "Camera":
         projection = value["projection"]
-        kinds = {"orthographic": (Orthographic, "pixels_per_unit"), "pinhole": (Pinhole, "focal_px")}
-        kind, scale = kinds[projection["kind"]]
+        seen: Union[Orthographic, Pinhole]
+        if projection["kind"] == "orthographic":
+            seen = Orthographic(float(projection["pixels_per_unit"]))
+        elif projection["kind"] == "pinhole":
+            seen = Pinhole(float(projection["focal_px"]))
+        else:
+            raise ValueError(f"unknown projection {projection['kind']}")
         # Matrices are written column by column.
         rotation = np.array(value["rotation"], np.float32).reshape(3, 3).T
         return cls(
             rotation,
             np.array(value["translation"], np.float32),
-            kind(float(projection[scale])),
+            seen,
             np.array(value["principal"], np.float32),
             int(value["width"]),
             int(value["height"]),
@@ -289,14 +294,14 @@ class Views:
             if "gear:camera" not in part.texts:
                 continue
             planes = part.planes
-            normal = [planes.get(name) for name in ("NX", "NY", "NZ")]
+            normal = [planes[name] for name in ("NX", "NY", "NZ") if name in planes]
             view = View(
                 Camera.from_json(json.loads(part.texts["gear:camera"])),
                 json.loads(part.texts["gear:view"]),
                 np.stack([planes[name] for name in "RGB"], axis=-1),
                 planes.get("A"),
                 planes.get("Z"),
-                None if any(plane is None for plane in normal) else np.stack(normal, axis=-1),
+                np.stack(normal, axis=-1) if len(normal) == 3 else None,
                 planes.get("W"),
             )
             found.append((int(part.texts["gear:index"]), view))
@@ -363,5 +368,8 @@ class Report:
 Value = Union[Image, Field, Mask, Scene, Views, Number, Report]
 """Any of them."""
 
-TYPES = {kind.TYPE: kind for kind in (Image, Field, Mask, Scene, Views, Number, Report)}
+TYPES: Dict[str, Any] = {
+    kind.TYPE: kind
+    for kind in (Image, Field, Mask, Scene, Views, Number, Report)  # type: ignore[attr-defined]
+}
 """By the name that gear knows."""
