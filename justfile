@@ -22,6 +22,15 @@ bench:
 new-node:
     cargo test --package gear-tests --test system -- --ignored a_new_node
 
+# The Python package and the nodes that are written with it; needs numpy.
+python:
+    cd nodes/python && ${GEAR_TEST_PYTHON:-python3} -m unittest discover -s tests -t .
+
+# FluxKontext with the real pipeline class of diffusers, tiny and random, on the CPU. Installs torch (gigabytes) at first.
+flux venv="target/flux":
+    test -d {{venv}} || (python3 -m venv {{venv}} && {{venv}}/bin/pip install -r nodes/python/flux_kontext/requirements.txt)
+    cd nodes/python/flux_kontext && GEAR_TEST_DIFFUSERS=1 PYTHONPATH=.. ../../../{{venv}}/bin/python -m unittest -v test_real_diffusers
+
 # The reference of nodes and values in the guide, from their definitions.
 reference:
     cargo build --bin gear

@@ -88,6 +88,8 @@ impl Desk {
             .args(arguments)
             .current_dir(self.folder.path())
             .env("GEAR_STORE", self.path("store"))
+            .env("XDG_CONFIG_HOME", self.path("config"))
+            .env_remove("GEAR_PLUGINS")
             .env_remove("GEAR_LOG");
         command
     }

@@ -12,6 +12,8 @@ mod a_new_node_compiles_and_is_known;
 mod a_node_that_fails_costs_only_what_depends_on_it;
 #[path = "system/a_pinned_output_changes_only_with_a_version.rs"]
 mod a_pinned_output_changes_only_with_a_version;
+#[path = "system/a_plugin_brings_nodes.rs"]
+mod a_plugin_brings_nodes;
 #[path = "system/a_scene_is_converted_and_rendered.rs"]
 mod a_scene_is_converted_and_rendered;
 #[path = "system/an_elision_changes_no_bit.rs"]

@@ -15,10 +15,26 @@ fn names(desk: &Desk) -> Vec<String> {
     names
 }
 
+/// Whether a graph has nodes of plugins, which are not installed here.
+fn needs_a_plugin(desk: &Desk, name: &str) -> bool {
+    let nodes = desk.gear(&["nodes"]).exits(0).stdout;
+    let absent: Vec<_> = nodes
+        .lines()
+        .filter(|line| line.contains("not installed)"))
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    assert!(!absent.is_empty(), "{nodes}");
+    let drawn = desk.gear(&["graph", name]).exits(0).stdout;
+    absent.iter().any(|node| drawn.contains(&format!("<small>{node}<")))
+}
+
 #[test]
 fn all_of_them_run_and_what_they_share_runs_once() {
     let desk = Desk::new();
     for name in names(&desk) {
+        if needs_a_plugin(&desk, &name) {
+            continue;
+        }
         let mut arguments = vec!["run", &name, "--input", "painting=sample:court-lady"];
         let mut sets = vec!["painting.size=64", "orbit.orbit=4", "orbit.size=48"];
         if desk.gear(&["graph", &name]).exits(0).stdout.contains("<small>Refine<") {

@@ -6,6 +6,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use gear_splat::DeviceChoice;
 
+use crate::commands::new_plugin::NewPluginArgs;
+use crate::commands::plugin::PluginCommand;
+
 const AFTER: &str = "\
 Begin with:
   gear run @gear --input painting=sample:court-lady --out out
@@ -23,6 +26,9 @@ pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
+    /// A folder with nodes in another language; may be given several times. Its program runs as you
+    #[arg(long = "plugin", value_name = "DIR", global = true)]
+    pub plugins: Vec<PathBuf>,
 }
 
 /// What to do.
@@ -66,6 +72,11 @@ pub enum Command {
     /// In gear's repository it goes to nodes/. Elsewhere it goes to the current folder, with a binary that is gear plus
     /// the node.
     NewNode(NewNodeArgs),
+    /// Look after a plugin: nodes in another language, in a process of their own
+    #[command(subcommand)]
+    Plugin(PluginCommand),
+    /// Write the folder of a new plugin in Python, which works as it stands
+    NewPlugin(NewPluginArgs),
     /// Draw a graph, or print it with all that it extends
     Graph(DrawArgs),
     /// Write the JSON Schema of graph files, for editors
@@ -97,6 +108,18 @@ pub enum Command {
     Snap(crate::commands::snap::SnapArgs),
     /// Make a page on which people say which results they prefer, or count what they said
     Ballot(crate::commands::ballot::BallotArgs),
+}
+
+impl Command {
+    /// Whether it looks at node types.
+    pub fn needs_plugins(&self) -> bool {
+        match self {
+            Self::Run(_) | Self::Check(_) | Self::Plan(_) | Self::Why(_) | Self::Cache(_) | Self::Nodes(_) => true,
+            Self::Graph(_) | Self::Schema => true,
+            Self::NewNode(_) | Self::Plugin(_) | Self::NewPlugin(_) => false,
+            Self::Graphs(_) | Self::Convert(_) | Self::Render(_) | Self::Sample(_) => false,
+        }
+    }
 }
 
 /// Which graph.

@@ -136,6 +136,17 @@ pub enum CliError {
     /// A new node cannot be written.
     #[error(transparent)]
     NewNode(#[from] crate::commands::new_node::Refusal),
+    /// A new plugin cannot be written.
+    #[error(transparent)]
+    NewPlugin(#[from] crate::commands::new_plugin::Refusal),
+    /// A folder is no plugin that can be used.
+    #[error("--plugin {}: {cause}", folder.display())]
+    Plugin {
+        /// The folder.
+        folder: PathBuf,
+        /// Why.
+        cause: gear_plugin::PluginError,
+    },
     /// A scene file cannot be read, or not be made.
     #[error("{}: {cause}", file.display())]
     SceneFile {

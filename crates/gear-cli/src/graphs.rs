@@ -28,9 +28,13 @@ macro_rules! embed {
 pub fn shipped() -> &'static [Shipped] {
     embed![
         "gear",
+        "gear-full",
         "baselines/raw",
         "baselines/histogram-equalization",
         "baselines/retinex",
+        "baselines/trellis",
+        "baselines/lgm",
+        "baselines/splatter-image",
         "ablations/without-translation",
         "ablations/fixed-gain",
         "ablations/without-grounding",
@@ -176,7 +180,7 @@ mod tests {
 
     #[test]
     fn every_shipped_graph_is_clean_and_says_what_it_is_for() {
-        let registry = crate::registry();
+        let registry = crate::with_shipped(crate::registry());
         for graph in shipped() {
             assert!(graph.summary().len() > 20, "{}", graph.name);
             let source = GraphSource::open(format!("@{}", graph.name), &library()).unwrap();

@@ -13,6 +13,7 @@
 //! | `args` | the arguments, as `clap` reads them |
 //! | `registry` | the list of node types and loaders |
 //! | `graphs` | the graphs that are embedded in the binary |
+//! | `plugins` | the nodes of plugins: named, configured, or known and not installed |
 //! | `commands` | one file a command |
 //! | `inputs` | `--input NAME=PATH` and `sample:NAME` |
 //! | `results`, `outputs`, `bundle`, `folder` | values as files, written so that no half file stands under a final name |
@@ -34,6 +35,7 @@ mod graphs;
 mod inputs;
 mod outputs;
 mod page;
+mod plugins;
 mod progress;
 mod registry;
 mod results;
@@ -42,6 +44,7 @@ mod sizes;
 mod words;
 
 pub use graphs::{Shipped, library, shipped};
+pub use plugins::{ShippedPlugin, shipped_plugins, with_shipped};
 pub use registry::registry;
 
 use std::process::ExitCode;
@@ -62,7 +65,7 @@ pub fn main_with(registry: &Registry) -> ExitCode {
     let console = Console::new();
     log();
     let result = match Arguments::try_parse() {
-        Ok(arguments) => threads().and_then(|()| dispatch(&arguments.command, registry, &console)),
+        Ok(arguments) => threads().and_then(|()| obey(&arguments, registry, &console)),
         Err(answer) if answer.use_stderr() => {
             let _ = answer.print();
             Ok(Exit::Mistake)
@@ -107,6 +110,15 @@ fn threads() -> Result<(), CliError> {
     Ok(())
 }
 
+/// Does what the arguments ask for, with the nodes of plugins where nodes are asked for.
+fn obey(arguments: &Arguments, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
+    if !arguments.command.needs_plugins() {
+        return dispatch(&arguments.command, registry, console);
+    }
+    let registry = plugins::with_plugins(registry, &arguments.plugins, console)?;
+    dispatch(&arguments.command, &registry, console)
+}
+
 fn dispatch(command: &Command, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
     match command {
         Command::Run(options) => commands::run::run(options, registry, console),
@@ -116,6 +128,8 @@ fn dispatch(command: &Command, registry: &Registry, console: &Console) -> Result
         Command::Cache(command) => commands::cache::cache(command, registry, console),
         Command::Nodes(options) => commands::nodes::nodes(options, registry, console),
         Command::NewNode(options) => commands::new_node::new_node(options, registry, console),
+        Command::Plugin(command) => commands::plugin::plugin(command, registry, console),
+        Command::NewPlugin(options) => commands::new_plugin::new_plugin(options, registry, console),
         Command::Graph(options) => commands::graph::graph(options, registry, console),
         Command::Schema => commands::schema::schema(registry, console),
         Command::Graphs(options) => commands::graphs::graphs(options, console),

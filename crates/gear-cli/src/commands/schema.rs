@@ -20,7 +20,7 @@ mod tests {
     fn every_shipped_graph_is_valid_by_the_schema() {
         let mut schemas = Schemas::new();
         let mut compiler = Compiler::new();
-        let schema = gear_graph::graph::schema(&crate::registry());
+        let schema = gear_graph::graph::schema(&crate::with_shipped(crate::registry()));
         compiler.add_resource("https://example.org/graph.json", schema).unwrap();
         let index = compiler
             .compile("https://example.org/graph.json", &mut schemas)

@@ -19,9 +19,13 @@ Every node, every type of value, and what may be given as a file. `gear nodes NA
 are needed unless said otherwise; every parameter has a default unless said otherwise.
 ";
 
-/// The whole reference.
+/// The whole reference, of the nodes that are part of the program.
 pub fn reference(registry: &Registry) -> String {
-    let nodes: Vec<&NodeSpec> = registry.nodes().map(|node| &*node.spec).collect();
+    let own = registry
+        .nodes()
+        .map(|node| &*node.spec)
+        .filter(|spec| spec.plugin.is_none());
+    let nodes: Vec<&NodeSpec> = own.collect();
     let loaders: Vec<&LoaderSpec> = registry.loaders().map(|loader| &*loader.spec).collect();
     let mut text = HEAD.to_owned();
     text.push_str("\n| node | what it gives |\n|---|---|\n");

@@ -55,11 +55,13 @@ fn list(registry: &Registry) -> String {
     let width = registry.nodes().map(|node| node.spec.name.len()).max().unwrap_or(0);
     let mut text = String::new();
     for node in registry.nodes() {
-        let remark = if node.spec.deterministic {
-            ""
-        } else {
-            "  (not deterministic)"
-        };
+        let mut remark = String::new();
+        if !node.spec.deterministic {
+            remark.push_str("  (not deterministic)");
+        }
+        if let Some(plugin) = node.spec.plugin {
+            let _ = write!(remark, "  (plugin {plugin})");
+        }
         let _ = writeln!(text, "{:<width$}  {}{remark}", node.spec.name, summary(node.spec.doc));
     }
     let _ = writeln!(text, "\ninputs that can be given as files:");
@@ -92,8 +94,13 @@ fn describe(spec: &NodeSpec) -> String {
     for line in spec.doc.trim().lines() {
         let _ = writeln!(text, "  {}", line.trim());
     }
+    if let Some(plugin) = spec.plugin {
+        let _ = writeln!(text, "
+  A node of the plugin {plugin}.");
+    }
     if let Some(remark) = not_deterministic(spec) {
-        let _ = writeln!(text, "\n  {remark}");
+        let _ = writeln!(text, "
+  {remark}");
     }
     ports(&mut text, "inputs", &spec.inputs, true);
     ports(&mut text, "outputs", &spec.outputs, false);
