@@ -218,6 +218,7 @@ fn spec(plugin: &str, node: &NodeDescription, registry: &Registry) -> Result<Nod
         version: node.version,
         doc: interned(&node.doc),
         deterministic: node.deterministic,
+        kept: node.deterministic,
         numerics: Vec::new(),
         inputs,
         // Which of several is wanted is told to the worker.
