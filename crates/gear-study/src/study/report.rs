@@ -177,8 +177,8 @@ pub fn computed(study: &Study, results: &Results) -> String {
         executions.needed,
         executions.ran,
         match results.repeated {
-            0 => "none of them twice for the same case and parameters".to_owned(),
-            n => format!("{n} of them again for the same case and parameters"),
+            0 => "no output twice for the same case and parameters".to_owned(),
+            n => format!("{n} outputs again for the same case and parameters"),
         }
     )
 }

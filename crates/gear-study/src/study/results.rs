@@ -10,7 +10,7 @@ use crate::stats::{self, Paired, Spread};
 pub struct Results {
     /// The rows, case by case.
     pub rows: Vec<Row>,
-    /// Executions of a node that had run before on the same case with the same parameters. 0, unless nodes do not
+    /// Outputs of nodes that had been computed before for the same case with the same parameters. 0, unless nodes do not
     /// promise the same bits again or the store lost something.
     pub repeated: usize,
     /// Whether it was stopped before the end.
@@ -32,6 +32,8 @@ pub struct Row {
     pub seconds: f64,
     /// The nodes that ran.
     pub ran: Vec<String>,
+    /// The outputs that were computed: node and port.
+    pub computed: Vec<(String, String)>,
     /// How many nodes' results were stored.
     pub stored: usize,
     /// The views.

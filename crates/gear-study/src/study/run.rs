@@ -135,7 +135,7 @@ impl Study {
         let mut results = Results::default();
         let identities: Vec<_> = self.variants.iter().map(|variant| identities(&variant.graph)).collect();
         'cases: for (c, case) in self.cases.iter().enumerate() {
-            let mut times: HashMap<Digest, usize> = HashMap::new();
+            let mut times: HashMap<(Digest, String), usize> = HashMap::new();
             for (v, variant) in self.variants.iter().enumerate() {
                 let done = results.rows.len();
                 tell(Step::Begins {
@@ -149,9 +149,9 @@ impl Study {
                     results.interrupted = true;
                     break 'cases;
                 }
-                for node in &row.ran {
+                for (node, port) in &row.computed {
                     if let Some(identity) = identities[v].get(node.as_str()) {
-                        let times = times.entry(*identity).or_default();
+                        let times = times.entry((*identity, port.clone())).or_default();
                         *times += 1;
                         results.repeated += usize::from(*times > 1);
                     }
@@ -189,7 +189,12 @@ impl Study {
         row.seconds = report.seconds;
         for node in report.nodes.iter().filter(|node| !node.input) {
             match node.status {
-                NodeStatus::Ran => row.ran.push(node.id.clone()),
+                NodeStatus::Ran => {
+                    row.ran.push(node.id.clone());
+                    let computed = node.outputs.iter().filter(|port| !port.hit);
+                    row.computed
+                        .extend(computed.map(|port| (node.id.clone(), port.port.clone())));
+                }
                 NodeStatus::Cached => row.stored += 1,
                 _ => {}
             }

@@ -160,7 +160,7 @@ fn tables_stand_beside_the_published_numbers_and_say_what_agrees() {
         "## Differences to fine",
         "What agrees in order",
         "fine > whole",
-        "none of them twice",
+        "no output twice",
         "made by a test",
     ] {
         assert!(text.contains(says), "{says} in {text}");
