@@ -42,6 +42,8 @@ mod pinned_pipelines_stay_within_their_tolerance;
 mod same_bits_on_any_thread_count;
 #[path = "system/same_bits_without_cpu_features.rs"]
 mod same_bits_without_cpu_features;
+#[path = "system/services_stand_behind_the_same_ports.rs"]
+mod services_stand_behind_the_same_ports;
 #[path = "system/several_processes_share_a_store.rs"]
 mod several_processes_share_a_store;
 #[path = "system/the_commands_answer.rs"]

@@ -162,14 +162,14 @@ fn pinned_outputs_are_what_they_were() {
 }
 
 /// A node that a shipped graph uses cannot change unseen because its branch was left out on this sample. Nodes of plugins
-/// are not gear's to pin.
+/// and answers of services are not gear's to pin.
 #[test]
 fn every_node_type_of_the_shipped_graphs_is_pinned() {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("pins.lock");
     let pinned = read(&std::fs::read_to_string(path).unwrap());
     let registry = gear_cli::with_shipped(gear_cli::registry());
     let mut missing = Vec::new();
-    for shipped in gear_cli::shipped() {
+    for shipped in gear_cli::shipped().iter().filter(|graph| !graph.name.starts_with("services/")) {
         let graph = GraphSource::open(format!("@{}", shipped.name), &gear_cli::library())
             .unwrap()
             .check(&registry)

@@ -164,6 +164,9 @@ pub fn tally(key: &Key, files: &[(PathBuf, Answers)]) -> Result<Tally, BallotErr
     })
 }
 
+/// Whether a vote belongs to a group.
+type Holds<'v> = Box<dyn Fn(&Vote) -> bool + 'v>;
+
 fn shares(key: &Key, votes: &[Vote], persons: usize) -> Vec<Share> {
     let traditions: BTreeSet<&str> = key
         .tokens
@@ -172,7 +175,7 @@ fn shares(key: &Key, votes: &[Vote], persons: usize) -> Vec<Share> {
         .filter(|t| !t.is_empty())
         .collect();
     let mut expertise: BTreeSet<&str> = votes.iter().map(|vote| vote.expertise.as_str()).collect();
-    let mut groups: Vec<(String, Box<dyn Fn(&Vote) -> bool + '_>)> = vec![("all".to_owned(), Box::new(|_| true))];
+    let mut groups: Vec<(String, Holds<'_>)> = vec![("all".to_owned(), Box::new(|_| true))];
     for tradition in traditions {
         groups.push((
             format!("tradition {tradition}"),
@@ -247,7 +250,7 @@ fn bootstrap(decided: &[(usize, &str)], methods: &[String], persons: usize, seed
         }
     }
     let voters: Vec<_> = counts.into_iter().filter(|of| of.iter().any(|&n| n > 0)).collect();
-    let mut random = Random::new(seed ^ 0x7a11_1e5);
+    let mut random = Random::new(seed ^ 0x07a1_11e5);
     let mut drawn: Vec<Vec<f64>> = vec![Vec::with_capacity(DRAWS); methods.len()];
     for _ in 0..DRAWS {
         let mut sums = vec![0usize; methods.len()];
