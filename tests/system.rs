@@ -6,6 +6,8 @@
 mod a_full_disk_leaves_no_half_file;
 #[path = "system/a_key_never_shows.rs"]
 mod a_key_never_shows;
+#[path = "system/a_network_is_its_content.rs"]
+mod a_network_is_its_content;
 #[path = "system/a_new_node_compiles_and_is_known.rs"]
 mod a_new_node_compiles_and_is_known;
 #[path = "system/a_node_that_fails_costs_only_what_depends_on_it.rs"]

@@ -1,5 +1,6 @@
 //! Every graph that comes with gear is clean, and runs on a sample.
 
+use gear_onnx::testing::{Net, can_run, onnx};
 use gear_tests::Desk;
 
 /// `@NAME` of all of them, the main one first.
@@ -28,6 +29,21 @@ fn needs_a_plugin(desk: &Desk, name: &str) -> bool {
     absent.iter().any(|node| drawn.contains(&format!("<small>{node}<")))
 }
 
+/// For a graph that asks a network: `--input` and a small network of its kind, written into the folder.
+fn network(desk: &Desk, name: &str) -> Option<[String; 2]> {
+    let kind = name.strip_prefix("@networks/")?;
+    let (input, net, answer) = match kind {
+        "edges" => ("edge_network", Net::Edges, "edges"),
+        "foreground" => ("mask_network", Net::Mean, "saliency"),
+        "depth" => ("depth_network", Net::Mean, "{depth: {of: inverse}}"),
+        "translate" => ("translate_network", Net::Negative, "picture"),
+        other => panic!("no network for @networks/{other}"),
+    };
+    desk.file(&format!("{kind}.onnx"), onnx(&net));
+    desk.file(&format!("{kind}.yaml"), format!("network: 1\nanswer: {answer}\n"));
+    Some(["--input".to_owned(), format!("{input}={kind}.onnx")])
+}
+
 #[test]
 fn all_of_them_run_and_what_they_share_runs_once() {
     let desk = Desk::new();
@@ -36,7 +52,12 @@ fn all_of_them_run_and_what_they_share_runs_once() {
         if needs_a_plugin(&desk, &name) || name.starts_with("@services/") {
             continue;
         }
+        let network = network(&desk, &name);
+        if network.is_some() && !can_run() {
+            continue;
+        }
         let mut arguments = vec!["run", &name, "--input", "painting=sample:court-lady"];
+        arguments.extend(network.iter().flatten().map(String::as_str));
         let mut sets = vec!["painting.size=64", "orbit.orbit=4", "orbit.size=48"];
         if desk.gear(&["graph", &name]).exits(0).stdout.contains("<small>Refine<") {
             sets.extend(["refine.color_iterations=3", "refine.iterations=6"]);
@@ -50,7 +71,7 @@ fn all_of_them_run_and_what_they_share_runs_once() {
             metrics["vend"].as_f64().is_some_and(|vend| vend > 0.0),
             "{name}: {metrics}"
         );
-        if name != "@gear" {
+        if name != "@gear" && network.is_none() {
             let record = desk.record("out");
             let ran = record.with_status("ran");
             assert!(
@@ -78,9 +99,10 @@ fn what_is_resolved_is_the_same_work() {
         desk.file("resolved.yaml", &resolved);
         assert_eq!(desk.gear(&["check", "resolved.yaml"]).exits(0).stderr, "", "{name}");
         let plan = |graph: &str| {
-            desk.gear(&["plan", graph, "--input", "painting=sample:vessel"])
-                .exits(0)
-                .stdout
+            let mut arguments = vec!["plan", graph, "--input", "painting=sample:vessel"];
+            let network = network(&desk, &name);
+            arguments.extend(network.iter().flatten().map(String::as_str));
+            desk.gear(&arguments).exits(0).stdout
         };
         assert_eq!(plan("resolved.yaml"), plan(&name), "{name}");
     }

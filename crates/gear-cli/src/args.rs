@@ -182,6 +182,10 @@ pub struct PlanArgs {
     /// What rasterises: the CPU, or a GPU (by a part of its name); `auto` takes one that is not played by the CPU
     #[arg(long, value_name = "auto|cpu|gpu[:NAME]", default_value_t)]
     pub device: DeviceChoice,
+    /// The ONNX Runtime library that computes networks [default: $ORT_DYLIB_PATH, that of the active Python environment,
+    /// or the system's]
+    #[arg(long, value_name = "FILE")]
+    pub onnxruntime: Option<PathBuf>,
     /// Compute also what is not needed: every input that is wired, whatever parameters and values say; to compare
     #[arg(long)]
     pub no_elision: bool,

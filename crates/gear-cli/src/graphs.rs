@@ -41,6 +41,10 @@ pub fn shipped() -> &'static [Shipped] {
         "ablations/without-restitution",
         "services/images",
         "services/comfyui",
+        "networks/edges",
+        "networks/foreground",
+        "networks/depth",
+        "networks/translate",
     ]
 }
 

@@ -7,6 +7,7 @@ pub fn registry() -> Registry {
     let mut registry = Registry::new();
     gear_image::register(&mut registry);
     gear_splat::register(&mut registry);
+    gear_onnx::register(&mut registry);
 
     node_edge_detect::register(&mut registry);
     node_foreground::register(&mut registry);

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::panic::{RefUnwindSafe, UnwindSafe};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::{
@@ -112,6 +113,7 @@ impl<N: Node> AnyNode for N {
 pub(crate) trait AnyLoader: Send + Sync {
     fn params(&self) -> ParamValues;
     fn check(&self) -> Result<(), NodeError>;
+    fn beside(&self, path: &Path) -> Vec<PathBuf>;
     fn load(&self, file: &FileSource, ctx: &Context) -> Result<AnyValue, NodeError>;
 }
 
@@ -122,6 +124,10 @@ impl<L: Loader> AnyLoader for L {
 
     fn check(&self) -> Result<(), NodeError> {
         Loader::check(self)
+    }
+
+    fn beside(&self, path: &Path) -> Vec<PathBuf> {
+        Loader::beside(self, path)
     }
 
     fn load(&self, file: &FileSource, ctx: &Context) -> Result<AnyValue, NodeError> {

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! [`height::estimate`] runs the chain up to the height field; [`surfels::lift`] makes the closed Gaussian
-//! scene. [`light::evidence`] stops after the light fit: how far a picture's shading is already natural.
+//! scene. [`guided::estimate`] takes the body from what a network says instead of the silhouette. [`light::evidence`] stops after the light fit: how far a picture's shading is already natural.
 //!
 //! Heights are in pixels, towards the viewer; images have y down, so normals in image space are
 //! `(−∂h/∂x, −∂h/∂y, 1)` with y down. Lengths that are parameters are shares of the picture's longer side or of the
@@ -16,6 +16,7 @@
 pub mod base;
 pub mod detail;
 pub mod fields;
+pub mod guided;
 pub mod height;
 pub mod ink;
 pub mod light;

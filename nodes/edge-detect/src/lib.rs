@@ -2,15 +2,19 @@
 //!
 //! `gradient` is the soft colour gradient of [`gear_image::edges`]; `canny` (Canny 1986) are binary contours of the
 //! luminance: blur, gradient, the ridge of its magnitude, and hysteresis between two thresholds. Contours are then
-//! widened by a pixel: as weights of the illumination pyramid, lines one pixel wide hardly stop leakage.
+//! widened by a pixel: as weights of the illumination pyramid, lines one pixel wide hardly stop leakage. `network` asks
+//! an edge network, such as PiDiNet, that the graph has as an input of type `Model`.
 
 mod canny;
 
 use std::sync::Arc;
 
-use gear_graph::{Choice, Context, Inputs, Node, NodeError, Outputs, Params, Registry, Want};
+use gear_graph::{
+    Choice, Context, Demand, Inputs, Known, Lazy, Node, NodeError, Outputs, Params, Registry, Resources, Want,
+};
 use gear_image::edges::soft_edges;
 use gear_image::{Field, Image, colour};
+use gear_onnx::{Given, Model, Provider};
 
 /// Contours of a picture.
 #[derive(Clone, Debug, Params)]
@@ -44,6 +48,12 @@ pub enum Method {
         #[param(default = 1.4, range = 0.0..=20.0, unit = "px")]
         sigma: f64,
     },
+    /// What an edge network says; its declaration says `answer: edges`.
+    Network {
+        /// What computes it.
+        #[param(default = Provider::Cpu)]
+        provider: Provider,
+    },
 }
 
 /// Input ports.
@@ -51,6 +61,8 @@ pub enum Method {
 pub struct In {
     /// The picture.
     pub image: Arc<Image>,
+    /// The network, for the method `network`.
+    pub model: Option<Lazy<Model>>,
 }
 
 /// Output ports.
@@ -76,14 +88,42 @@ impl Node for EdgeDetect {
         }
     }
 
-    fn run(&self, inputs: In, _want: &Want, _ctx: &Context) -> Result<Out, NodeError> {
+    fn realm(&self, resources: &Resources) -> String {
+        match self.method {
+            Method::Network { provider } => gear_onnx::realm(resources, provider),
+            Method::Gradient { .. } | Method::Canny { .. } => "cpu".to_owned(),
+        }
+    }
+
+    fn demand(&self, _output: &str, known: &Known<'_>) -> Result<Demand, NodeError> {
+        match self.method {
+            Method::Network { .. } => gear_onnx::demand(known),
+            Method::Gradient { .. } | Method::Canny { .. } => Ok(Demand::ready_because("the method is no network")),
+        }
+    }
+
+    fn run(&self, inputs: In, _want: &Want, ctx: &Context) -> Result<Out, NodeError> {
         let light = colour::light(&inputs.image.rgb);
         let edges = match self.method {
             Method::Gradient { sigma, quantile } => soft_edges(&light, sigma, quantile),
             Method::Canny { low, high, sigma } => canny::contours(&light, low as f32, high as f32, sigma),
+            Method::Network { provider } => network(&inputs, provider, ctx)?,
         };
         Ok(Out { edges: Arc::new(edges) })
     }
+}
+
+/// The contours that the network sees.
+fn network(inputs: &In, provider: Provider, ctx: &Context) -> Result<Field, NodeError> {
+    let model = gear_onnx::required(&inputs.model)?;
+    model.declaration().expect("edges")?;
+    let given = Given {
+        rgb: &inputs.image.rgb,
+        planes: &[],
+    };
+    let mut fields = gear_onnx::answer(model, provider, given, ctx)?;
+    // An answer has as many fields as it declares: one.
+    Ok(fields.swap_remove(0))
 }
 
 /// Adds the node to a registry.

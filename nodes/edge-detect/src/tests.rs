@@ -14,8 +14,15 @@ fn canny_node() -> EdgeDetect {
     }
 }
 
+fn inputs(image: Image) -> In {
+    In {
+        image: Arc::new(image),
+        model: None,
+    }
+}
+
 fn run(node: &EdgeDetect, image: Image) -> Arc<Field> {
-    testing::run(node, In { image: Arc::new(image) }).unwrap().edges
+    testing::run(node, inputs(image)).unwrap().edges
 }
 
 fn disc() -> Image {
@@ -129,9 +136,7 @@ fn an_answer_or_an_error_on_every_extreme_input() {
 #[test]
 fn outputs_are_pure() {
     for node in [EdgeDetect::default(), canny_node()] {
-        testing::assert_pure(&node, || In {
-            image: Arc::new(sample_painting()),
-        });
+        testing::assert_pure(&node, || inputs(sample_painting()));
     }
 }
 
@@ -141,4 +146,75 @@ fn summary_of_the_sample() {
         "gradient": run(&EdgeDetect::default(), sample_painting()).summary(),
         "canny": run(&canny_node(), sample_painting()).summary(),
     }));
+}
+
+mod network {
+    //! Networks that the tests make, and PiDiNet where its file is.
+
+    use super::*;
+    use gear_onnx::testing::{Net, can_run, model, shared};
+
+    fn node() -> EdgeDetect {
+        EdgeDetect {
+            method: Method::Network {
+                provider: Provider::Cpu,
+            },
+        }
+    }
+
+    fn asked(model: Model, image: Image) -> Result<Arc<Field>, NodeError> {
+        let inputs = In {
+            model: Some(Lazy::given(model)),
+            ..inputs(image)
+        };
+        testing::run(&node(), inputs).map(|out| out.edges)
+    }
+
+    #[test]
+    fn the_network_s_contours_come_out() {
+        if !can_run() {
+            return;
+        }
+        let edges = asked(model(&Net::Edges), disc()).unwrap();
+        assert_eq!(edges.size(), (96, 80));
+        assert!(edges.at(24, 40) > 0.1 && edges.at(48, 40) < 1e-5 && edges.at(4, 4) < 1e-5);
+        testing::assert_pure(&node(), || In {
+            model: Some(Lazy::given(model(&Net::Edges))),
+            ..inputs(sample_painting())
+        });
+        testing::assert_extremes(&node());
+    }
+
+    #[test]
+    fn without_a_network_or_with_one_of_another_kind_it_says_so() {
+        let error = testing::run(&node(), inputs(disc())).err().unwrap();
+        assert!(error.to_string().contains("--input NAME=FILE"), "{error}");
+        let error = asked(model(&Net::Mean), disc()).unwrap_err();
+        assert!(error.to_string().contains("`answer: edges` is needed here"), "{error}");
+    }
+
+    #[test]
+    fn embedded_methods_do_not_ask_for_it() {
+        let known = Known::of::<In>(Vec::new());
+        assert!(matches!(EdgeDetect::default().demand("edges", &known), Ok(Demand::Ready { .. })));
+        let asked = node().demand("edges", &known).unwrap();
+        assert!(matches!(asked, Demand::Need { ports, .. } if ports == ["model"]));
+        assert_eq!(EdgeDetect::default().realm(&Resources::default()), "cpu");
+    }
+
+    const PIDINET: &str = "network: 1\nmean: [0.485, 0.456, 0.406]\nstd: [0.229, 0.224, 0.225]\nanswer: edges\n";
+
+    #[test]
+    fn pidinet_outlines_a_disc() {
+        for file in ["table5_pidinet.onnx", "table5_pidinet-tiny.onnx"] {
+            let Some(pidinet) = shared(file, PIDINET).filter(|_| can_run()) else {
+                continue;
+            };
+            let edges = asked(pidinet, disc()).unwrap();
+            let on = [(24, 40), (72, 40), (48, 16), (48, 64)].map(|(x, y)| edges.at(x, y));
+            let off = [(48, 40), (6, 6), (90, 74)].map(|(x, y)| edges.at(x, y));
+            let (on, off) = (on.into_iter().fold(1.0, f32::min), off.into_iter().fold(0.0, f32::max));
+            assert!(on > 3.0 * off, "{file}: {on} on the outline, {off} off it");
+        }
+    }
 }

@@ -3,12 +3,16 @@
 //! Made from the original painting and wired to everyone who needs it: later pictures have shifted colours. A mask
 //! that the user gives comes first; then a rough box; else the figure is searched for before the ground
 //! that the picture's rim shows (colour models and a minimum cut: Rother et al., *GrabCut*, 2004; see
-//! `gear_relief::mask`). When no figure can be trusted the whole canvas is the subject, and the mask is full.
+//! `gear_relief::mask`), or a saliency network is asked, such as U²-Net. When no figure can be trusted the whole canvas is the subject, and the mask is full.
 
 use std::sync::Arc;
 
-use gear_graph::{Choice, Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Want, Wanted};
-use gear_image::{Image, Mask};
+use gear_graph::{
+    Choice, Context, Demand, Inputs, Known, Lazy, Node, NodeError, Outputs, Params, Registry, Report, Resources, Want,
+    Wanted,
+};
+use gear_image::{Field, Image, Mask};
+use gear_onnx::{Given, Model, Provider};
 use gear_relief::mask::{self, Found, Mode, Settings};
 use serde_json::json;
 
@@ -65,6 +69,13 @@ pub enum Method {
     },
     /// The whole canvas.
     Relief,
+    /// What a saliency network takes for figure, its boundary cut anew; its declaration says `answer: saliency`. A
+    /// degenerate answer (nothing, everything, undecided, in crumbs) becomes the whole canvas.
+    Network {
+        /// What computes it.
+        #[param(default = Provider::Cpu)]
+        provider: Provider,
+    },
 }
 
 /// Input ports.
@@ -74,6 +85,8 @@ pub struct In {
     pub image: Arc<Image>,
     /// The user's own mask, of any size.
     pub mask: Option<Arc<Mask>>,
+    /// The network, for the method `network`; not asked where a mask is given.
+    pub model: Option<Lazy<Model>>,
 }
 
 /// Output ports.
@@ -101,6 +114,21 @@ impl Node for Foreground {
         }
     }
 
+    fn realm(&self, resources: &Resources) -> String {
+        match self.method {
+            Method::Network { provider } => gear_onnx::realm(resources, provider),
+            _ => "cpu".to_owned(),
+        }
+    }
+
+    fn demand(&self, _output: &str, known: &Known<'_>) -> Result<Demand, NodeError> {
+        match self.method {
+            Method::Network { .. } if known.is_wired("mask") => Ok(Demand::ready_because("a mask is given")),
+            Method::Network { .. } => gear_onnx::demand(known),
+            _ => Ok(Demand::ready_because("the method is no network")),
+        }
+    }
+
     fn run(&self, inputs: In, want: &Want, ctx: &Context) -> Result<Out, NodeError> {
         let (width, height) = inputs.image.size();
         ctx.checkpoint()?;
@@ -116,7 +144,14 @@ impl Node for Foreground {
                 mask::in_box(&inputs.image.rgb, [*x0, *y0, *x1, *y1], &self.settings())
             }
             (None, Method::Auto) => mask::automatic(&inputs.image.rgb, &self.settings()),
+            (None, Method::Network { provider }) => {
+                let saliency = saliency(&inputs, *provider, ctx)?;
+                mask::from_saliency(&inputs.image.rgb, &saliency, &self.settings())
+            }
         };
+        if matches!(self.method, Method::Network { .. }) && found.mode == Mode::Relief && inputs.mask.is_none() {
+            ctx.note("the network's answer is no figure that can be trusted; the whole canvas is used");
+        }
         let report = want.try_compute("report", || Report::new(describe(&found)))?;
         Ok(Out {
             mask: want.compute("mask", || found.mask),
@@ -135,6 +170,19 @@ impl Foreground {
             least_confidence: self.least_confidence,
         }
     }
+}
+
+/// What the network takes for figure, 0 to 1.
+fn saliency(inputs: &In, provider: Provider, ctx: &Context) -> Result<Field, NodeError> {
+    let model = gear_onnx::required(&inputs.model)?;
+    model.declaration().expect("saliency")?;
+    let given = Given {
+        rgb: &inputs.image.rgb,
+        planes: &[],
+    };
+    let mut fields = gear_onnx::answer(model, provider, given, ctx)?;
+    // An answer has as many fields as it declares: one.
+    Ok(fields.swap_remove(0))
 }
 
 /// What a user should hear about the mask that was given for a picture of this size.
@@ -200,6 +248,7 @@ mod tests {
         In {
             image: Arc::new(image),
             mask: mask.map(Arc::new),
+            model: None,
         }
     }
 
@@ -276,5 +325,115 @@ mod tests {
             .check()
             .is_err()
         );
+    }
+
+    mod network {
+        //! Networks that the tests make, and U²-Net where its file is.
+
+        use super::*;
+        use gear_onnx::testing::{Net, can_run, model, shared, with};
+
+        fn node() -> Foreground {
+            let method = Method::Network {
+                provider: Provider::Cpu,
+            };
+            Foreground {
+                method,
+                ..Foreground::default()
+            }
+        }
+
+        fn asked(model: Model, image: Image) -> Out {
+            let inputs = In {
+                model: Some(Lazy::given(model)),
+                ..inputs(image, None)
+            };
+            testing::run(&node(), inputs).unwrap()
+        }
+
+        fn mode(out: &Out) -> String {
+            out.report.get().unwrap().summary()["mode"].as_str().unwrap_or_default().to_owned()
+        }
+
+        /// A bright disc on dark ground, and which pixels it has.
+        fn disc() -> (Image, Mask) {
+            let inside = |x: usize, y: usize| x.abs_diff(60).pow(2) + y.abs_diff(50).pow(2) < 30 * 30;
+            let colour = move |x, y| if inside(x, y) { [0.9, 0.8, 0.7] } else { [0.1, 0.12, 0.15] };
+            let image = Image::opaque(gear_image::Rgb::from_fn(120, 100, colour));
+            (image, Mask::from_fn(120, 100, inside))
+        }
+
+        #[test]
+        fn what_the_network_takes_for_figure_is_the_mask() {
+            if !can_run() {
+                return;
+            }
+            let (image, truth) = disc();
+            let found = asked(model(&Net::Mean), image);
+            assert_eq!(mode(&found), "figure");
+            let mask = found.mask.unwrap();
+            let differ = mask.data().iter().zip(truth.data()).filter(|(a, b)| a != b).count();
+            assert!(differ < truth.count() / 25, "{differ} of {} pixels differ", truth.count());
+        }
+
+        #[test]
+        fn a_degenerate_answer_is_the_whole_canvas() {
+            if !can_run() {
+                return;
+            }
+            let grey = |value: f32| Image::opaque(gear_image::Rgb::filled(120, 100, [value; 3]));
+            let checker = Image::opaque(gear_image::Rgb::from_fn(120, 100, |x, y| [((x / 3 + y / 3) % 2) as f32; 3]));
+            let speck = Image::opaque(gear_image::Rgb::from_fn(120, 100, |x, y| [f32::from(u8::from(x + y < 6)); 3]));
+            for (name, image) in [("nothing", grey(0.0)), ("everything", grey(1.0)), ("undecided", grey(0.55))] {
+                let found = asked(model(&Net::Mean), image);
+                assert_eq!(mode(&found), "relief", "{name}");
+                assert!(found.mask.unwrap().is_full());
+            }
+            for image in [checker, speck] {
+                assert_eq!(mode(&asked(model(&Net::Mean), image)), "relief");
+            }
+        }
+
+        #[test]
+        fn a_given_mask_needs_no_network() {
+            let (image, mask) = disc();
+            let out = testing::run(&node(), inputs(image, Some(mask.clone()))).unwrap();
+            assert_eq!(*out.mask.unwrap(), mask);
+            let error = testing::run(&node(), inputs(disc().0, None)).err().unwrap();
+            assert!(error.to_string().contains("model"), "{error}");
+        }
+
+        #[test]
+        fn an_answer_or_an_error_on_every_extreme_input() {
+            testing::assert_extremes(&node());
+        }
+
+        const U2NET: &str = "network: 1\nmean: [0.485, 0.456, 0.406]\nstd: [0.229, 0.224, 0.225]\n\
+                             divide_by_maximum: true\nsize: {fixed: {width: 320, height: 320}}\n\
+                             answer: {saliency: {activation: min-max}}\n";
+
+        #[test]
+        fn u2net_finds_the_vessel() {
+            let Some(u2net) = shared("u2netp.onnx", U2NET).filter(|_| can_run()) else {
+                return;
+            };
+            let sample = vessel();
+            let found = asked(u2net, sample.painting);
+            assert_eq!(mode(&found), "figure");
+            let mask = found.mask.unwrap();
+            let both = mask.data().iter().zip(sample.mask.data()).filter(|(a, b)| **a && **b).count();
+            let either = mask.count() + sample.mask.count() - both;
+            assert!(both * 10 > either * 8, "IoU {}", both as f64 / either as f64);
+        }
+
+        #[test]
+        fn the_declaration_must_be_of_saliency() {
+            let inputs = In {
+                model: Some(Lazy::given(with(&Net::Mean, "network: 1\nanswer: edges\n"))),
+                ..inputs(disc().0, None)
+            };
+            let error = testing::run(&node(), inputs).err().unwrap();
+            assert!(error.to_string().contains("`answer: saliency` is needed here"), "{error}");
+        }
     }
 }

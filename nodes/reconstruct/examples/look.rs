@@ -47,6 +47,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             image: picture.clone(),
             edges: Lazy::given(Field::filled(width, height, 0.0)),
             mask: Lazy::given(mask.clone()),
+            model: None,
         };
         let translated = testing::run(
             &Translate {

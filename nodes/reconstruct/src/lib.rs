@@ -3,12 +3,19 @@
 //! The embedded method of [`gear_relief`]: the body is the inflated silhouette (`−Δu + puff·ink·u = 4`, `h = √u`;
 //! a relief when the mask is the whole canvas), detail is what the shading says beyond the body, and the surface is
 //! lifted to surfels along the rays of the canonical camera, so that the front view is aligned with the picture to the
-//! pixel. A model trained on objects takes the same ports.
+//! pixel. A network for depth or for normals takes the silhouette's place with the method `depth-network`; a model
+//! trained on objects takes the same ports.
+
+mod network;
 
 use std::sync::Arc;
 
-use gear_graph::{Choice, Context, Inputs, Node, NodeError, Numerics, Outputs, Params, Registry, Report, Want, Wanted};
+use gear_graph::{
+    Choice, Context, Demand, Inputs, Known, Lazy, Node, NodeError, Numerics, OrAuto, Outputs, Params, Registry, Report,
+    Resources, Want, Wanted,
+};
 use gear_image::{Field, Image, Mask, Rgb, colour, filter};
+use gear_onnx::{Model, Provider};
 use gear_relief::base::BaseSettings;
 use gear_relief::detail::DetailSettings;
 use gear_relief::fields;
@@ -70,6 +77,32 @@ pub enum Method {
         #[param(default = 0.8, range = 0.0..=1.0)]
         step: f64,
     },
+    /// What a network says of depth (`answer: depth`) or of normals and height (`answer: surface`) in place of the
+    /// inflated body, with detail from shading on top of it.
+    DepthNetwork {
+        /// What computes it.
+        #[param(default = Provider::Cpu)]
+        provider: Provider,
+        /// Height of the surface. `auto`: as the inflated body's for inverse depth, by the field of view for distances,
+        /// as the normals say for surfaces.
+        #[param(default = OrAuto::Auto, range = 0.0..=4.0, unit = "share of the longer side")]
+        extent: OrAuto<f64>,
+        /// Angle under which the longer side was seen; for distances only.
+        #[param(default = 40.0, range = 1.0..=150.0, unit = "degrees")]
+        field_of_view: f64,
+        /// Alternations of normals and integration; 0 leaves the network's surface.
+        #[param(default = 10, range = 0..=1000)]
+        iterations: usize,
+        /// Shading contrast that is not believed: .25 expects a natural picture, .03 a painted one.
+        #[param(default = 0.25, range = 0.0..=4.0)]
+        gain_floor: f64,
+        /// Largest structure that shading may shape.
+        #[param(default = 0.09, range = 0.001..=1.0, unit = "share of √area")]
+        detail_scale: f64,
+        /// Share of the Newton step taken in each alternation.
+        #[param(default = 0.8, range = 0.0..=1.0)]
+        step: f64,
+    },
 }
 
 impl Method {
@@ -104,6 +137,8 @@ pub struct In {
     pub image: Arc<Image>,
     /// What belongs to the object, resized to the picture if need be; full or empty means a relief of the whole canvas.
     pub mask: Arc<Mask>,
+    /// The network, for the method `depth-network`.
+    pub model: Option<Lazy<Model>>,
 }
 
 /// Output ports.
@@ -126,6 +161,20 @@ impl Node for Reconstruct {
     type Inputs = In;
     type Outputs = Out;
 
+    fn realm(&self, resources: &Resources) -> String {
+        match self.method {
+            Method::DepthNetwork { provider, .. } => gear_onnx::realm(resources, provider),
+            Method::Inflation | Method::Shading { .. } => "cpu".to_owned(),
+        }
+    }
+
+    fn demand(&self, _output: &str, known: &Known<'_>) -> Result<Demand, NodeError> {
+        match self.method {
+            Method::DepthNetwork { .. } => gear_onnx::demand(known),
+            Method::Inflation | Method::Shading { .. } => Ok(Demand::ready_because("the method is no network")),
+        }
+    }
+
     fn run(&self, inputs: In, want: &Want, ctx: &Context) -> Result<Out, NodeError> {
         let (width, height) = inputs.image.size();
         if width == 0 || height == 0 || inputs.mask.is_empty() {
@@ -140,7 +189,10 @@ impl Node for Reconstruct {
         }
         ctx.progress_with(0.0, "height");
         let light = colour::light(&inputs.image.rgb);
-        let relief = height::estimate(&light, &mask, &self.height_settings());
+        let relief = match self.method {
+            Method::DepthNetwork { .. } => network::relief(self, &inputs, &light, &mask, ctx)?,
+            Method::Inflation | Method::Shading { .. } => height::estimate(&light, &mask, &self.height_settings()),
+        };
         ctx.checkpoint()?;
         ctx.progress_with(0.8, "surfels");
         let settings = self.surfel_settings();
@@ -172,6 +224,13 @@ impl Reconstruct {
                 gain_floor,
                 detail_scale,
                 step,
+            }
+            | Method::DepthNetwork {
+                iterations,
+                gain_floor,
+                detail_scale,
+                step,
+                ..
             } => {
                 settings.calibration = Calibration {
                     gain_floor: gain_floor as f32,

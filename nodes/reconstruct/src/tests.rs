@@ -29,6 +29,7 @@ fn inputs(image: &Image, mask: &Mask) -> In {
     In {
         image: Arc::new(image.clone()),
         mask: Arc::new(mask.clone()),
+        model: None,
     }
 }
 
@@ -193,4 +194,130 @@ fn summaries_on_a_ball_are_pinned() {
     insta::assert_json_snapshot!("depth", out.depth.unwrap().summary());
     insta::assert_json_snapshot!("normals", out.normals.unwrap().summary());
     insta::assert_json_snapshot!("report", out.report.unwrap().summary());
+}
+
+mod network {
+    //! Networks that the tests make, and the prior where its file is.
+
+    use super::*;
+    use gear_onnx::testing::{Net, can_run, model, shared, with};
+
+    const INVERSE: &str = "network: 1\nanswer: {depth: {of: inverse}}\n";
+    const METRIC: &str = "network: 1\nanswer: {depth: {of: metric}}\n";
+
+    fn node() -> Reconstruct {
+        let params = serde_json::json!({"method": {"depth-network": {"iterations": 0}}});
+        testing::read(&params).unwrap()
+    }
+
+    fn asked(node: &Reconstruct, model: &Model, image: &Image, mask: &Mask) -> Out {
+        let inputs = In {
+            model: Some(Lazy::given(model.clone())),
+            ..inputs(image, mask)
+        };
+        testing::run(node, inputs).unwrap()
+    }
+
+    /// Brightness is a hemisphere over the mask of the ball, a little of it at the rim.
+    fn painted_depth(of: impl Fn(f32) -> f32) -> (Image, Mask) {
+        let (_, mask) = ball();
+        let image = Image::opaque(Rgb::from_fn(SIDE, SIDE, |x, y| {
+            let (u, v) = ((x as f32 - 35.5) / 26.0, (y as f32 - 35.5) / 26.0);
+            [of((1.0 - u * u - v * v).max(0.0).sqrt()); 3]
+        }));
+        (image, mask)
+    }
+
+    fn assert_hemisphere(out: Out, slack: f32) {
+        let depth = out.depth.unwrap();
+        for (x, y) in [(48, 35), (35, 20), (24, 44)] {
+            let r2 = (x as f32 - 35.5) * (x as f32 - 35.5) + (y as f32 - 35.5) * (y as f32 - 35.5);
+            let expected = ((26.0f32 * 26.0 - r2).sqrt() - 26.0) / SIDE as f32;
+            let found = depth.at(x, y) - depth.at(35, 35);
+            assert!((found - expected).abs() < slack, "({x}, {y}): {found}, expected {expected}");
+        }
+        assert!(depth.at(0, 0).is_nan());
+    }
+
+    #[test]
+    fn inverse_depth_is_lifted_to_the_same_closed_surface() {
+        if !can_run() {
+            return;
+        }
+        let (image, mask) = painted_depth(|z| 0.2 + 0.6 * z);
+        let out = asked(&node(), &with(&Net::Mean, INVERSE), &image, &mask);
+        let behind = out.scene.rotations.iter().filter(|r| (**r * Vec3::Z).z < -0.2).count();
+        assert!(behind > 50, "it has a back: {behind}");
+        assert_hemisphere(out, 0.04);
+    }
+
+    #[test]
+    fn distances_are_lifted_by_the_field_of_view() {
+        if !can_run() {
+            return;
+        }
+        // The camera is half the side over tan 20° from the plane of the median; in a unit of 200 px.
+        let focal = 36.0 / libm::tan(20f64.to_radians()) as f32;
+        let (image, mask) = painted_depth(|z| (focal + 17.0 - 26.0 * z) / 200.0);
+        let out = asked(&node(), &with(&Net::Mean, METRIC), &image, &mask);
+        assert_hemisphere(out, 0.05);
+    }
+
+    #[test]
+    fn normals_and_height_are_integrated_and_detail_comes_on_top() {
+        if !can_run() {
+            return;
+        }
+        let (image, mask) = ball();
+        // Upright normals with a height that follows the brightness: nearly a slab.
+        let slab = asked(&node(), &model(&Net::Surface), &image, &mask).depth.unwrap();
+        let body = run(&Reconstruct::default(), &image, &mask).depth.unwrap();
+        let rise = |depth: &Field| depth.at(35, 35) - depth.at(14, 35);
+        assert!(rise(&slab) < 0.5 * rise(&body), "{} {}", rise(&slab), rise(&body));
+        let with_detail: Reconstruct = testing::read(&serde_json::json!({"method": "depth-network"})).unwrap();
+        let out = asked(&with_detail, &model(&Net::Surface), &image, &mask);
+        assert!(out.report.unwrap().summary().contains_key("trust"));
+    }
+
+    #[test]
+    fn a_network_that_says_nothing_leaves_the_silhouette_s_body() {
+        if !can_run() {
+            return;
+        }
+        let (_, mask) = ball();
+        let flat = Image::opaque(Rgb::filled(SIDE, SIDE, [0.4; 3]));
+        let inflation = Reconstruct {
+            method: Method::Inflation,
+            ..Reconstruct::default()
+        };
+        let expected = run(&inflation, &flat, &mask).depth.unwrap();
+        let found = asked(&node(), &with(&Net::Mean, INVERSE), &flat, &mask).depth.unwrap();
+        assert_eq!(found.digest(), expected.digest());
+    }
+
+    #[test]
+    fn pure_on_a_network_and_sound_on_every_extreme() {
+        if can_run() {
+            let (image, mask) = painted_depth(|z| z);
+            testing::assert_pure(&node(), || In {
+                model: Some(Lazy::given(with(&Net::Mean, INVERSE))),
+                ..inputs(&image, &mask)
+            });
+        }
+        let error = testing::run(&node(), inputs(&ball().0, &ball().1)).err().unwrap();
+        assert!(error.to_string().contains("--input NAME=FILE"), "{error}");
+        testing::assert_extremes(&node());
+    }
+
+    const PRIOR: &str = "network: 1\nchannels: [red, green, blue, mask, edges, base-normal-x, base-normal-y, base-height]\n\
+                         size: {any: {multiple: 16}}\nanswer: {surface: {height: 32, half_size: true}}\n";
+
+    #[test]
+    fn the_prior_makes_a_ball_of_a_ball() {
+        let Some(prior) = shared("prior_unet.onnx", PRIOR).filter(|_| can_run()) else {
+            return;
+        };
+        let (image, mask) = ball();
+        assert_hemisphere(asked(&node(), &prior, &image, &mask), 0.08);
+    }
 }

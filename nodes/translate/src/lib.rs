@@ -3,9 +3,10 @@
 //! Embedded styles stand for a text-guided translator: `sculpture` carves a relief from the painting (with the
 //! calibration for paintings, which takes faint shading seriously) and lights it like marble; `pencil-sketch` and
 //! `woodcut` draw its tone with line integrals along the contours. Lengths in pixels refer to a picture of
-//! 512 px and grow with it.
+//! 512 px and grow with it. `network` asks an image-to-image network that the graph has as an input of type `Model`.
 
 mod lines;
+mod network;
 mod pencil;
 mod sculpture;
 mod woodcut;
@@ -13,9 +14,10 @@ mod woodcut;
 use std::sync::Arc;
 
 use gear_graph::{
-    Choice, Context, Demand, Inputs, Known, Lazy, Node, NodeError, Numerics, Outputs, Params, Registry, Want,
+    Choice, Context, Demand, Inputs, Known, Lazy, Node, NodeError, Numerics, Outputs, Params, Registry, Resources, Want,
 };
 use gear_image::{Field, Image, Mask, SrgbImage, colour, filter};
+use gear_onnx::{Model, Provider};
 
 /// A geometry-friendly picture of the painting.
 #[derive(Clone, Debug, Params)]
@@ -42,6 +44,12 @@ pub enum Style {
     Woodcut,
     /// The painting itself, untouched.
     None,
+    /// What an image-to-image network makes of it; its declaration says `answer: picture`.
+    Network {
+        /// What computes it.
+        #[param(default = Provider::Cpu)]
+        provider: Provider,
+    },
 }
 
 /// Input ports.
@@ -53,6 +61,8 @@ pub struct In {
     pub edges: Lazy<Field>,
     /// What belongs to the object; for sculpture only. Full or empty means a relief of the whole canvas.
     pub mask: Lazy<Mask>,
+    /// The network, for the style `network`.
+    pub model: Option<Lazy<Model>>,
 }
 
 /// Output ports.
@@ -69,8 +79,16 @@ impl Node for Translate {
     type Inputs = In;
     type Outputs = Out;
 
+    fn realm(&self, resources: &Resources) -> String {
+        match self.style {
+            Style::Network { provider } => gear_onnx::realm(resources, provider),
+            _ => "cpu".to_owned(),
+        }
+    }
+
     fn demand(&self, _output: &str, known: &Known<'_>) -> Result<Demand, NodeError> {
         let answer = match self.style {
+            Style::Network { .. } => return network::demand(known),
             Style::None => Demand::ready_because("style is none: the painting passes"),
             Style::Sculpture => known.need(&["mask"], "a sculpture is cut out by the mask"),
             Style::PencilSketch | Style::Woodcut if self.contours == 0.0 => {
@@ -104,6 +122,10 @@ impl Node for Translate {
         };
         let rgb = match self.style {
             Style::None => painting.rgb.clone(),
+            Style::Network { provider } => {
+                let model = gear_onnx::required(&inputs.model)?;
+                network::translate(&painting, model, provider, edges.as_ref(), inputs.mask.get(), ctx)?
+            }
             Style::Sculpture => {
                 let mask = match inputs.mask.get() {
                     Some(mask) if !mask.is_empty() => filter::resize_mask(mask, width, height),

@@ -35,6 +35,7 @@ fn inputs(image: &Image, mask: &Mask) -> In {
         image: Arc::new(image.clone()),
         edges: Lazy::given(Field::from_fn(width, height, |x, _| f32::from(x == width / 2))),
         mask: Lazy::given(mask.clone()),
+        model: None,
     }
 }
 
@@ -187,5 +188,57 @@ fn drawn_styles_agree_with_the_prototype() {
             most <= tolerance("nine_in_ten") && worst <= tolerance("worst"),
             "{name}: nine in ten within {most}, the worst {worst}"
         );
+    }
+}
+
+mod network {
+    use super::*;
+    use gear_graph::AnyValue;
+    use gear_onnx::testing::{Net, can_run, model, with};
+
+    fn network() -> Translate {
+        node(Style::Network {
+            provider: Provider::Cpu,
+        })
+    }
+
+    #[test]
+    fn the_network_s_picture_comes_out_at_the_painting_s_size() {
+        if !can_run() {
+            return;
+        }
+        let (image, mask) = painting(40);
+        let asked = || In {
+            model: Some(Lazy::given(model(&Net::Negative))),
+            ..inputs(&image, &mask)
+        };
+        let out = testing::run(&network(), asked()).unwrap();
+        assert_eq!(out.image.size(), image.size());
+        for (made, painted) in out.image.rgb.data().iter().zip(image.rgb.data()) {
+            assert!((0..3).all(|c| (made[c] + painted[c] - 1.0).abs() < 1e-6));
+        }
+        testing::assert_pure(&network(), asked);
+    }
+
+    #[test]
+    fn it_asks_for_the_planes_that_the_network_takes_and_no_others() {
+        let ask = |declaration: &str, net: &Net| {
+            let model = AnyValue::new(with(net, declaration));
+            network().demand("image", &Known::of::<In>(vec![("model", model)])).unwrap()
+        };
+        let plain = ask("network: 1\nanswer: picture\n", &Net::Negative);
+        assert!(matches!(plain, Demand::Ready { .. }), "{plain:?}");
+        let masked = ask("network: 1\nchannels: [red, mask]\nanswer: picture\n", &Net::MeanOf(2));
+        assert!(matches!(&masked, Demand::Need { ports, .. } if *ports == ["mask"]), "{masked:?}");
+        let first = network().demand("image", &Known::of::<In>(Vec::new())).unwrap();
+        assert!(matches!(&first, Demand::Need { ports, .. } if *ports == ["model"]), "{first:?}");
+    }
+
+    #[test]
+    fn an_answer_or_an_error_on_every_extreme_input() {
+        testing::assert_extremes(&network());
+        let (image, mask) = painting(40);
+        let error = testing::run(&network(), inputs(&image, &mask)).err().unwrap();
+        assert!(error.to_string().contains("--input NAME=FILE"), "{error}");
     }
 }

@@ -207,6 +207,7 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
                 no_cache: false,
                 cache_nondeterministic: false,
                 device: DeviceChoice::default(),
+                onnxruntime: None,
                 no_elision: false,
             };
             let store = Arc::new(store);

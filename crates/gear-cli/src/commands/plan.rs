@@ -96,6 +96,9 @@ pub fn set_up<'g>(args: &PlanArgs, graph: &'g Graph, store: Option<Arc<Store>>) 
     let fallback = Fallback::telling(|why| Console::new().warning(why)).unless_required();
     run = run.resource(Device::open(&args.device, fallback).map_err(CliError::Device)?);
     run = run.resource(Services::from_process());
+    if let Some(file) = &args.onnxruntime {
+        run = run.resource(gear_onnx::LibraryFile(file.clone()));
+    }
     if args.no_elision {
         run = run.no_elision();
     }

@@ -20,6 +20,7 @@ mod causes;
 mod chain;
 mod check;
 mod compiled;
+mod declaration;
 mod excerpt;
 mod export;
 mod file;
@@ -37,6 +38,7 @@ mod yaml;
 use std::sync::Arc;
 
 pub use causes::{CAUSES, Cause};
+pub use declaration::read_declaration;
 pub use library::{GraphFile, Library, Unreadable};
 pub use mistakes::{Mistakes, Source};
 pub use schema::schema;

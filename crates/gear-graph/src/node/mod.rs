@@ -122,6 +122,13 @@ pub trait Loader: Params {
         Ok(())
     }
 
+    /// Files that belong to the file at `path` and are read with it, such as a description beside it. Those that are
+    /// there are part of what identifies the input.
+    fn beside(&self, path: &Path) -> Vec<PathBuf> {
+        let _ = path;
+        Vec::new()
+    }
+
     /// Reads the file. An error is shown to the user as a mistake in what was given: name what was found and what
     /// was expected; the framework adds the file's name.
     fn load(&self, file: &FileSource, ctx: &Context) -> Result<Self::Value, NodeError>;

@@ -126,7 +126,11 @@ pub(super) enum Given {
 
 #[derive(Clone)]
 pub(super) enum Source {
-    File { path: PathBuf, stamp: Stamp },
+    File {
+        path: PathBuf,
+        /// Of the file and of those beside it; `None` for one that is not there.
+        stamps: Vec<(PathBuf, Option<Stamp>)>,
+    },
     Made { name: String, make: Arc<Make> },
 }
 
@@ -144,7 +148,7 @@ impl Source {
     /// Bytes of the file; 0 where it is not known before it is made.
     pub fn bytes(&self) -> u64 {
         match self {
-            Self::File { stamp, .. } => stamp.0,
+            Self::File { stamps, .. } => stamps.iter().filter_map(|(_, stamp)| *stamp).map(|stamp| stamp.0).sum(),
             Self::Made { .. } => 0,
         }
     }
@@ -156,14 +160,18 @@ impl Source {
         })
     }
 
-    /// An error if the file is not the one whose digest was taken.
+    /// An error if the file, or one beside it, is not the one whose digest was taken.
     pub fn still_the_same(&self) -> Result<(), NodeError> {
-        match self {
-            Self::File { path, stamp } if stamp_of(path).is_ok_and(|now| now != *stamp) => {
-                Err(NodeError::new("the file changed while it was read; run again"))
-            }
-            _ => Ok(()),
+        let Self::File { stamps, .. } = self else { return Ok(()) };
+        let changed = |(path, stamp): &(PathBuf, Option<Stamp>)| match (stamp_of(path), stamp) {
+            (Ok(now), Some(before)) => now != *before,
+            (Ok(_), None) => true,
+            (Err(_), _) => false,
+        };
+        if stamps.iter().any(changed) {
+            return Err(NodeError::new("the file changed while it was read; run again"));
         }
+        Ok(())
     }
 }
 
@@ -243,28 +251,57 @@ pub(super) fn resolve(run: &Run<'_>) -> Result<Vec<Given>, Vec<RunMistake>> {
                 });
                 continue;
             }
-            Some(Input::File(path)) => match hash_file(path, run.cancel.flag()) {
-                Err(_) if run.cancel.is_raised() => return Err(vec![RunMistake::Interrupted]),
-                Ok((digest, stamp)) => {
-                    given.push(Given::Source {
-                        source: Source::File {
-                            path: path.clone(),
-                            stamp,
-                        },
-                        digest,
-                    });
-                    continue;
+            Some(Input::File(path)) => {
+                let beside = input.load.as_ref().map(|loader| loader.beside(path));
+                match hash_files(path, beside.unwrap_or_default(), run.cancel.flag()) {
+                    Err(_) if run.cancel.is_raised() => return Err(vec![RunMistake::Interrupted]),
+                    Ok((digest, stamps)) => {
+                        given.push(Given::Source {
+                            source: Source::File {
+                                path: path.clone(),
+                                stamps,
+                            },
+                            digest,
+                        });
+                        continue;
+                    }
+                    Err((path, problem)) => RunMistake::BadFile {
+                        name: input.name.clone(),
+                        path,
+                        problem,
+                    },
                 }
-                Err(problem) => RunMistake::BadFile {
-                    name: input.name.clone(),
-                    path: path.clone(),
-                    problem,
-                },
-            },
+            }
         };
         mistakes.push(mistake);
     }
     if mistakes.is_empty() { Ok(given) } else { Err(mistakes) }
+}
+
+/// A file and those beside it that are there: their digest, which is that of the file alone if none is, and stamps.
+#[allow(clippy::type_complexity)] // a pair, named by the sentence above
+fn hash_files(
+    path: &Path,
+    beside: Vec<PathBuf>,
+    cancel: &AtomicBool,
+) -> Result<(Digest, Vec<(PathBuf, Option<Stamp>)>), (PathBuf, String)> {
+    let hash = |path: &Path| hash_file(path, cancel).map_err(|problem| (path.to_path_buf(), problem));
+    let (mut digest, stamp) = hash(path)?;
+    let mut stamps = vec![(path.to_path_buf(), Some(stamp))];
+    for (number, path) in beside.into_iter().enumerate() {
+        if !path.exists() {
+            stamps.push((path, None));
+            continue;
+        }
+        let (other, stamp) = hash(&path)?;
+        digest = Hasher::new("file and beside it")
+            .digest(&digest)
+            .u64(number as u64)
+            .digest(&other)
+            .finish();
+        stamps.push((path, Some(stamp)));
+    }
+    Ok((digest, stamps))
 }
 
 fn hash_file(path: &Path, cancel: &AtomicBool) -> Result<(Digest, Stamp), String> {

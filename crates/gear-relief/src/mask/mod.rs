@@ -18,6 +18,7 @@ mod judge;
 pub mod maxflow;
 mod mixture;
 mod rim;
+mod saliency;
 mod shape;
 
 use gear_image::filter::{Beyond, close, dilate, erode, fit_longer_side, resize_mask};
@@ -28,6 +29,7 @@ use features::{Feature, Features};
 use frame::Window;
 pub use judge::Doubts;
 use mixture::Mixture;
+pub use saliency::from_saliency;
 
 /// How the mask came to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,5 +1,7 @@
 //! The invariants of the demand-and-key scheme, by their letters.
 
+use std::path::{Path, PathBuf};
+
 use super::kit::*;
 use crate::*;
 
@@ -359,6 +361,55 @@ fn h_a_loader_of_another_version_loads_again() {
     assert_eq!(ran(&old), ["x", "add"]);
     assert_eq!(ran(&new), ["x"], "the value is the same: cut off there");
     assert_eq!(ran(&new), [""; 0]);
+}
+
+#[test]
+fn h_files_beside_a_file_belong_to_what_identifies_it() {
+    /// Reads a number, times the one in `NAME.scale` if that is there.
+    #[derive(Clone, Debug, Params)]
+    struct Scaled {}
+
+    impl Loader for Scaled {
+        const VERSION: u32 = 1;
+        type Value = Number;
+
+        fn beside(&self, path: &Path) -> Vec<PathBuf> {
+            vec![path.with_extension("scale")]
+        }
+
+        fn load(&self, file: &FileSource, ctx: &Context) -> Result<Number, NodeError> {
+            let beside = file.as_path().map(|path| path.with_extension("scale"));
+            let scale = beside.and_then(|path| std::fs::read_to_string(path).ok());
+            let scale = scale.map_or(1.0, |text| text.parse().unwrap());
+            NumberText { scale }.load(file, ctx)
+        }
+    }
+
+    let shelf = Shelf::new();
+    let mut registry = Registry::new();
+    registry.node::<Add>().loader::<Scaled>();
+    let run = |name: &str, number_in_it: &str, scale: Option<&str>| {
+        let path = shelf.path().join(name);
+        std::fs::write(&path, number_in_it).unwrap();
+        let beside = path.with_extension("scale");
+        match scale {
+            Some(scale) => std::fs::write(&beside, scale).unwrap(),
+            None => drop(std::fs::remove_file(&beside)),
+        }
+        let text = "gear: 1\ninputs: {x: Number}\nnodes: {add: {node: Add, in: {of: x}}}\noutputs: {sum: add.sum}";
+        let graph = GraphSource::new("test.yaml", text).check(&registry).unwrap();
+        let outcome = Run::new(&graph)
+            .store(shelf.open())
+            .input("x", Input::file(path))
+            .go()
+            .unwrap();
+        (number(&outcome, "sum"), outcome.report.ran().len())
+    };
+    assert_eq!(run("one.txt", "4", None), (4.0, 2));
+    assert_eq!(run("one.txt", "4", Some("3")), (12.0, 2));
+    assert_eq!(run("elsewhere.txt", "4", Some("3")), (12.0, 0), "the paths are not in the key");
+    assert_eq!(run("one.txt", "4", Some("2")).0, 8.0);
+    assert_eq!(run("one.txt", "4", None), (4.0, 0), "without it, the key is that of the file alone");
 }
 
 #[test]
