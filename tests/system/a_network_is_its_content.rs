@@ -19,7 +19,15 @@ fn run(desk: &Desk, more: &[&str]) -> (i32, Vec<String>, String) {
     let all = [&["run", "graph.yaml", "--input", "painting=sample:vessel"][..], more].concat();
     let done = desk.gear(&all);
     let code = done.code.unwrap();
-    let ran = if code == 0 { desk.record("out").with_status("ran").iter().map(ToString::to_string).collect() } else { Vec::new() };
+    let ran = if code == 0 {
+        desk.record("out")
+            .with_status("ran")
+            .iter()
+            .map(ToString::to_string)
+            .collect()
+    } else {
+        Vec::new()
+    };
     (code, ran, done.stderr)
 }
 
@@ -42,7 +50,11 @@ fn moving_it_changes_nothing_and_its_declaration_is_part_of_it() {
     desk.file("b.yaml", Net::Edges.declaration());
     assert_eq!(ran(&desk, &["--input", "lines=b.onnx"]), [""; 0]);
     desk.file("b.yaml", "# a remark\nnetwork: 1\nlicence: own\nanswer: edges\n");
-    assert_eq!(ran(&desk, &["--input", "lines=b.onnx"]), ["lines"], "read again, and the same");
+    assert_eq!(
+        ran(&desk, &["--input", "lines=b.onnx"]),
+        ["lines"],
+        "read again, and the same"
+    );
     desk.file("b.yaml", "network: 1\nlicence: own\nwhite: 255\nanswer: edges\n");
     assert_eq!(ran(&desk, &["--input", "lines=b.onnx"]), ["lines", "edges"]);
     let record = std::fs::read_to_string(desk.path("out/run.json")).unwrap();
@@ -56,7 +68,10 @@ fn an_embedded_method_has_the_same_key_with_and_without_it() {
     assert_eq!(ran(&desk, &embedded), ["painting", "edges"]);
     desk.file("a.onnx", onnx(&Net::Edges));
     desk.file("a.yaml", Net::Edges.declaration());
-    assert_eq!(ran(&desk, &[&embedded[..], &["--input", "lines=a.onnx"]].concat()), [""; 0]);
+    assert_eq!(
+        ran(&desk, &[&embedded[..], &["--input", "lines=a.onnx"]].concat()),
+        [""; 0]
+    );
 }
 
 #[test]
@@ -66,7 +81,10 @@ fn a_mistake_is_told_where_it_stands() {
     desk.file("a.yaml", "network: 1\nanswer: edge\n");
     let (code, _, stderr) = run(&desk, &["--input", "lines=a.onnx"]);
     assert_ne!(code, 0);
-    assert!(stderr.contains("did you mean `edges`?") && stderr.contains("a.yaml:2"), "{stderr}");
+    assert!(
+        stderr.contains("did you mean `edges`?") && stderr.contains("a.yaml:2"),
+        "{stderr}"
+    );
     let (code, _, stderr) = run(&desk, &[]);
     assert_ne!(code, 0);
     assert!(stderr.contains("--input NAME=FILE"), "{stderr}");
@@ -82,5 +100,8 @@ fn a_library_that_is_none_is_told_with_how_to_get_one() {
     let library = library.to_str().unwrap();
     let (code, _, stderr) = run(&desk, &["--input", "lines=a.onnx", "--onnxruntime", library]);
     assert_eq!(code, 1, "{stderr}");
-    assert!(stderr.contains("pip install onnxruntime") && !stderr.contains("panicked"), "{stderr}");
+    assert!(
+        stderr.contains("pip install onnxruntime") && !stderr.contains("panicked"),
+        "{stderr}"
+    );
 }

@@ -54,7 +54,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (i, field) in fields.iter().enumerate() {
         write_npy(&out.join(format!("answer{i}.npy")), &[height, width], field.data())?;
         let (low, high) = stats::range(field.data()).unwrap_or((0.0, 1.0));
-        let (low, span) = if low >= 0.0 && high <= 1.0 { (0.0, 1.0) } else { (low, (high - low).max(1e-9)) };
+        let (low, span) = if low >= 0.0 && high <= 1.0 {
+            (0.0, 1.0)
+        } else {
+            (low, (high - low).max(1e-9))
+        };
         let grey = field.data().iter().map(|x| [(x - low) / span; 3]).collect();
         let image = Image::opaque(SrgbImage::from_vec(width, height, grey));
         io::write_png(&out.join(format!("answer{i}.png")), &image)?;

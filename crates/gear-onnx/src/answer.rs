@@ -100,7 +100,11 @@ fn half(size: &Size, longer: usize) -> Size {
 fn average(fields: &mut [Field], others: &[Field]) {
     for (c, (field, other)) in fields.iter_mut().zip(others).enumerate() {
         let middle = |field: &Field| gear_image::stats::median(field.data()).unwrap_or(0.0);
-        let (a, b) = if c == 3 { (middle(field), middle(other)) } else { (0.0, 0.0) };
+        let (a, b) = if c == 3 {
+            (middle(field), middle(other))
+        } else {
+            (0.0, 0.0)
+        };
         for (x, y) in field.data_mut().iter_mut().zip(other.data()) {
             *x = 0.5 * ((*x - a) + (*y - b));
         }

@@ -262,7 +262,10 @@ impl Declaration {
         };
         fits("mean", "`mean`", &self.mean, channels, false);
         fits("std", "`std`", &self.std, channels, true);
-        if let Answer::Picture { mean, std, channels, .. } = &self.answer {
+        if let Answer::Picture {
+            mean, std, channels, ..
+        } = &self.answer
+        {
             fits("answer", "`mean` of the answer", mean, 3, false);
             fits("answer", "`std` of the answer", std, 3, true);
             let order: Vec<_> = [Channel::Red, Channel::Green, Channel::Blue]
@@ -298,7 +301,13 @@ mod tests {
     #[test]
     fn what_is_written_is_read_again() {
         let read = Declaration::read("a.yaml", GOOD).unwrap();
-        assert_eq!(read.size, Size::Any { multiple: 16, at_most: 2048 });
+        assert_eq!(
+            read.size,
+            Size::Any {
+                multiple: 16,
+                at_most: 2048
+            }
+        );
         let json = serde_json::Value::Object(Params::write(&read)).to_string();
         assert_eq!(Declaration::read("stored", &json).unwrap(), read);
     }
@@ -307,9 +316,15 @@ mod tests {
     fn a_mistake_is_told_with_its_line_what_was_expected_and_the_nearest_name() {
         let told = |yaml: &str| Declaration::read("lines.yaml", yaml).unwrap_err().to_string();
         let message = told(&GOOD.replace("answer: edges", "answer: edge"));
-        assert!(message.contains("did you mean `edges`?") && message.contains("lines.yaml:5"), "{message}");
+        assert!(
+            message.contains("did you mean `edges`?") && message.contains("lines.yaml:5"),
+            "{message}"
+        );
         let message = told(&GOOD.replace("[0.5]", "[0.5, 0.5]"));
-        assert!(message.contains("expected one, or one a channel, which are 3"), "{message}");
+        assert!(
+            message.contains("expected one, or one a channel, which are 3"),
+            "{message}"
+        );
         assert!(message.contains("lines.yaml:2"), "{message}");
         let message = told(&GOOD.replace("0.3]", "0]"));
         assert!(message.contains("nothing can be divided"), "{message}");
@@ -326,9 +341,14 @@ mod tests {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             if path.extension().is_some_and(|extension| extension == "yaml") {
-                let declaration = Declaration::read(&path.display().to_string(), &std::fs::read_to_string(&path).unwrap());
+                let declaration =
+                    Declaration::read(&path.display().to_string(), &std::fs::read_to_string(&path).unwrap());
                 let declaration = declaration.unwrap_or_else(|mistakes| panic!("{mistakes}"));
-                assert!(!declaration.licence.is_empty() && !declaration.source.is_empty(), "{}", path.display());
+                assert!(
+                    !declaration.licence.is_empty() && !declaration.source.is_empty(),
+                    "{}",
+                    path.display()
+                );
                 read += 1;
             }
         }
@@ -340,6 +360,9 @@ mod tests {
         let read = Declaration::read("a.yaml", GOOD).unwrap();
         assert!(read.expect("edges").is_ok());
         let message = read.expect("depth").unwrap_err().to_string();
-        assert!(message.contains("answer: edges") && message.contains("answer: depth"), "{message}");
+        assert!(
+            message.contains("answer: edges") && message.contains("answer: depth"),
+            "{message}"
+        );
     }
 }

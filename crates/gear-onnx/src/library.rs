@@ -95,9 +95,12 @@ impl Surroundings {
             .flatten()
             .map(PathBuf::from)
             .collect();
-        let folders = self.path.iter().flat_map(std::env::split_paths);
+        let folders: Vec<PathBuf> = self.path.iter().flat_map(std::env::split_paths).collect();
         for name in ["python3", "python", "python.exe"] {
-            let found = folders.clone().map(|folder| folder.join(name)).find(|file| file.is_file());
+            let found = folders
+                .iter()
+                .map(|folder| folder.join(name))
+                .find(|file| file.is_file());
             // `bin/python3` of a prefix is often a link into it.
             let prefix = |file: &Path| file.parent()?.parent().map(Path::to_path_buf);
             prefixes.extend(found.iter().filter_map(|file| prefix(file)));
@@ -233,7 +236,10 @@ mod tests {
         ] {
             let message = error.to_string();
             assert!(matches!(error, OnnxError::BadLibrary { .. }), "{message}");
-            assert!(message.contains("pip install onnxruntime") && message.contains("--onnxruntime"), "{message}");
+            assert!(
+                message.contains("pip install onnxruntime") && message.contains("--onnxruntime"),
+                "{message}"
+            );
         }
     }
 }

@@ -28,9 +28,13 @@ impl Model {
     pub fn new(name: &str, file: &[u8], declaration: Option<&str>) -> Result<Self, OnnxError> {
         let bad = |what: String| OnnxError::BadModel(what);
         if file.len() as u64 > MOST_BYTES {
-            return Err(bad(format!("the network has {} bytes, more than an ONNX file can", file.len())));
+            return Err(bad(format!(
+                "the network has {} bytes, more than an ONNX file can",
+                file.len()
+            )));
         }
-        let (onnx, carried) = proto::take_declaration(file).map_err(|error| bad(format!("not an ONNX file: {error}")))?;
+        let (onnx, carried) =
+            proto::take_declaration(file).map_err(|error| bad(format!("not an ONNX file: {error}")))?;
         if proto::reads_other_files(&onnx).map_err(|error| bad(format!("not an ONNX file: {error}")))? {
             return Err(bad(
                 "the network keeps tensors in other files, which gear does not read: save it as one file \
@@ -144,7 +148,9 @@ impl Loader for ModelFile {
                 return Err(NodeError::new(problem));
             }
             if std::fs::metadata(path)?.len() > MOST_BYTES {
-                return Err(NodeError::new("the file is larger than 2 GiB, which no ONNX file can be"));
+                return Err(NodeError::new(
+                    "the file is larger than 2 GiB, which no ONNX file can be",
+                ));
             }
         }
         let beside = path.map(declaration_of);
@@ -153,9 +159,10 @@ impl Loader for ModelFile {
             None => "a declaration".to_owned(),
         };
         let text = match &beside {
-            Some(path) if path.exists() => Some(std::fs::read_to_string(path).map_err(|error| {
-                NodeError::new(format!("its declaration {name} cannot be read: {error}"))
-            })?),
+            Some(path) if path.exists() => Some(
+                std::fs::read_to_string(path)
+                    .map_err(|error| NodeError::new(format!("its declaration {name} cannot be read: {error}")))?,
+            ),
             _ => None,
         };
         Ok(Model::new(name.trim_matches('`'), &file.read()?, text.as_deref())?)

@@ -69,7 +69,11 @@ pub(crate) fn prepare(declaration: &Declaration, given: &Given<'_>) -> Result<(T
         rgb.data().iter().map(|pixel| pixel.map(unit)).collect(),
     );
     let brightest = rgb.data().as_flattened().iter().fold(0.0f32, |most, x| most.max(*x));
-    let scale = if declaration.divide_by_maximum && brightest > 0.0 { 1.0 / brightest } else { 1.0 };
+    let scale = if declaration.divide_by_maximum && brightest > 0.0 {
+        1.0 / brightest
+    } else {
+        1.0
+    };
     let mut data = vec![0.0; channels * width * height];
     for (c, &channel) in declaration.channels.iter().enumerate() {
         let plane = plane(channel, &rgb, given, way.resized)?;
@@ -167,7 +171,10 @@ pub(crate) fn channels(
     }
     let bad = data.iter().filter(|x| !x.is_finite()).count();
     if bad > 0 {
-        return Err(OnnxError::BadAnswer(format!("{bad} of its {} samples are not finite", data.len())));
+        return Err(OnnxError::BadAnswer(format!(
+            "{bad} of its {} samples are not finite",
+            data.len()
+        )));
     }
     let plane = |c: usize| {
         let samples = match declaration.layout {
@@ -229,7 +236,11 @@ mod tests {
         let d = declaration("channels: [blue, red]\nwhite: 255\nmean: [1, 2]\nstd: [2, 4]\nanswer: edges");
         let (tensor, _) = prepare(&d, &given(&rgb)).unwrap();
         assert_eq!(tensor.shape, [1, 2, 3, 5]);
-        assert!(tensor.data[..15].iter().all(|&x| (x - (127.5 - 1.0) / 2.0).abs() < 1e-4));
+        assert!(
+            tensor.data[..15]
+                .iter()
+                .all(|&x| (x - (127.5 - 1.0) / 2.0).abs() < 1e-4)
+        );
         assert!((tensor.data[15 + 4] - (255.0 - 2.0) / 4.0).abs() < 1e-4);
         let d = declaration("channels: [blue, red]\nlayout: nhwc\nanswer: edges");
         let (tensor, _) = prepare(&d, &given(&rgb)).unwrap();
@@ -251,11 +262,26 @@ mod tests {
     #[test]
     fn sizes_are_brought_to_what_the_network_takes() {
         let way = |yaml: &str, size| Way::of(&declaration(&format!("{yaml}\nanswer: edges")).size, size);
-        assert_eq!(way("size: {fixed: {width: 320, height: 200}}", (30, 40)).padded, (320, 200));
-        assert_eq!(way("size: {fit: {longer_side: 518, multiple: 14}}", (768, 512)).padded, (518, 350));
-        assert_eq!(way("size: {any: {multiple: 16, at_most: 64}}", (100, 30)).resized, (64, 19));
-        assert_eq!(way("size: {any: {multiple: 16, at_most: 64}}", (100, 30)).padded, (64, 32));
-        assert_eq!(way("size: {fit: {longer_side: 10, multiple: 14}}", (1, 900)).padded, (14, 14));
+        assert_eq!(
+            way("size: {fixed: {width: 320, height: 200}}", (30, 40)).padded,
+            (320, 200)
+        );
+        assert_eq!(
+            way("size: {fit: {longer_side: 518, multiple: 14}}", (768, 512)).padded,
+            (518, 350)
+        );
+        assert_eq!(
+            way("size: {any: {multiple: 16, at_most: 64}}", (100, 30)).resized,
+            (64, 19)
+        );
+        assert_eq!(
+            way("size: {any: {multiple: 16, at_most: 64}}", (100, 30)).padded,
+            (64, 32)
+        );
+        assert_eq!(
+            way("size: {fit: {longer_side: 10, multiple: 14}}", (1, 900)).padded,
+            (14, 14)
+        );
     }
 
     #[test]
@@ -263,7 +289,14 @@ mod tests {
         let d = declaration("answer: edges");
         let way = Way::of(&d.size, (5, 3));
         let told = |dims: &[usize], data: &[f32]| channels(&d, dims, data, &way).unwrap_err().to_string();
-        for dims in [&[1usize, 2, 3, 5][..], &[15], &[], &[1, 1, 0, 5], &[2, 1, 3, 5], &[1 << 62, 1 << 62]] {
+        for dims in [
+            &[1usize, 2, 3, 5][..],
+            &[15],
+            &[],
+            &[1, 1, 0, 5],
+            &[2, 1, 3, 5],
+            &[1 << 62, 1 << 62],
+        ] {
             assert!(told(dims, &[0.0; 30]).contains("shape"), "{dims:?}");
         }
         assert!(told(&[3, 5], &[f32::NAN; 15]).contains("15 of its 15 samples are not finite"));

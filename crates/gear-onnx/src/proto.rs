@@ -139,7 +139,11 @@ pub fn with_declaration(model: &[u8], declaration: &str) -> Vec<u8> {
 fn text(message: &[u8], number: u64) -> Result<Option<String>, NoMessage> {
     let mut found = None;
     for field in fields(message) {
-        if let Field { number: n, wire: Wire::Bytes(bytes), .. } = field?
+        if let Field {
+            number: n,
+            wire: Wire::Bytes(bytes),
+            ..
+        } = field?
             && n == number
         {
             found = Some(String::from_utf8_lossy(bytes).into_owned());
@@ -230,7 +234,13 @@ mod tests {
 
     #[test]
     fn no_bytes_are_a_panic() {
-        for bytes in [&b"\xff"[..], b"\x0a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01", b"\x0a\x05ab", b"\x03", b"\x09abc"] {
+        for bytes in [
+            &b"\xff"[..],
+            b"\x0a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01",
+            b"\x0a\x05ab",
+            b"\x03",
+            b"\x09abc",
+        ] {
             assert_eq!(take_declaration(bytes), Err(NoMessage));
             assert_eq!(reads_other_files(bytes), Err(NoMessage));
         }

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use gear_graph::{Context, Digest, Value};
+use ort::logging::LogLevel;
 use ort::session::{RunOptions, Session};
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
@@ -15,6 +16,10 @@ use crate::{Declaration, Model, OnnxError, Provider, library};
 
 /// Sessions that are kept; a graph asks few networks, and each holds its weights in memory.
 const KEPT: usize = 4;
+
+/// Threads of a session, on any machine: their number decides how sums are split (between two and three threads a U-Net
+/// changed by 3e-8), and one realm has one set of bits. Where there are fewer cores they wait without spinning.
+const THREADS: usize = 4;
 
 /// How often a run that goes on looks for an interruption.
 const LOOK: Duration = Duration::from_millis(50);
@@ -43,7 +48,9 @@ pub(crate) fn run(model: &Model, provider: Provider, tensor: &Tensor, ctx: &Cont
     if ctx.is_cancelled() {
         return Err(OnnxError::Cancelled);
     }
-    guarded("stopped while it ran the network", || compute(&mut session, model, tensor, ctx))
+    guarded("stopped while it ran the network", || {
+        compute(&mut session, model, tensor, ctx)
+    })
 }
 
 /// The session of this network, made if there is none.
@@ -52,7 +59,10 @@ fn session(model: &Model, provider: Provider, ctx: &Context) -> Result<Arc<Mutex
     // Held while a session is made, so that two threads do not make the same one.
     let mut sessions = SESSIONS.lock().unwrap_or_else(PoisonError::into_inner);
     let digest = model.digest();
-    if let Some(i) = sessions.iter().position(|held| held.digest == digest && held.provider == provider) {
+    if let Some(i) = sessions
+        .iter()
+        .position(|held| held.digest == digest && held.provider == provider)
+    {
         let held = sessions.remove(i);
         let session = Arc::clone(&held.session);
         sessions.push(held);
@@ -90,12 +100,16 @@ fn failed<R>(doing: &'static str) -> impl Fn(ort::Error<R>) -> OnnxError {
 
 fn make(library: &library::Library, model: &Model, provider: Provider) -> Result<Session, OnnxError> {
     let doing = "cannot read the network";
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let mut builder = Session::builder(library.environment())
         .map_err(failed(doing))?
-        .with_intra_threads(threads)
+        .with_intra_threads(THREADS)
+        .map_err(failed(doing))?
+        .with_intra_op_spinning(false)
         .map_err(failed(doing))?
         .with_deterministic_compute(true)
+        .map_err(failed(doing))?
+        // Errors are returned, and told once; an interrupted run is none.
+        .with_log_level(LogLevel::Fatal)
         .map_err(failed(doing))?
         // Pictures differ in size.
         .with_memory_pattern(false)
@@ -114,9 +128,10 @@ fn make(library: &library::Library, model: &Model, provider: Provider) -> Result
 fn ends<'s>(session: &'s Session, declaration: &Declaration) -> Result<(&'s Outlet, &'s Outlet), OnnxError> {
     let names = |outlets: &[Outlet]| outlets.iter().map(Outlet::name).collect::<Vec<_>>().join(", ");
     let named = |outlets: &'s [Outlet], name: &str, what: &str| {
-        outlets.iter().find(|outlet| outlet.name() == name).ok_or_else(|| {
-            OnnxError::Mismatch(format!("it has no {what} `{name}`, but {}", names(outlets)))
-        })
+        outlets
+            .iter()
+            .find(|outlet| outlet.name() == name)
+            .ok_or_else(|| OnnxError::Mismatch(format!("it has no {what} `{name}`, but {}", names(outlets))))
     };
     let inputs = session.inputs();
     let input = match (&declaration.input, inputs) {
@@ -180,7 +195,9 @@ fn fits(session: &Session, declaration: &Declaration) -> Result<(), OnnxError> {
         && shape.iter().all(|side| *side >= 0)
         && samples(shape).is_none()
     {
-        return Err(OnnxError::Mismatch(format!("its output has the shape {shape}, which is too large")));
+        return Err(OnnxError::Mismatch(format!(
+            "its output has the shape {shape}, which is too large"
+        )));
     }
     Ok(())
 }

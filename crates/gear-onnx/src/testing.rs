@@ -140,7 +140,13 @@ pub fn onnx(net: &Net) -> Vec<u8> {
             node(&mut graph, "Sub", &["m", "m"], "zero", &[]);
             floats(&mut graph, "one", &[1], &[1.0]);
             node(&mut graph, "Add", &["zero", "one"], "up", &[]);
-            node(&mut graph, "Concat", &["zero", "zero", "up", "m"], "y", &[int("axis", 1)]);
+            node(
+                &mut graph,
+                "Concat",
+                &["zero", "zero", "up", "m"],
+                "y",
+                &[int("axis", 1)],
+            );
         }
         Net::Endless => {
             integers(&mut graph, "rounds", &[], &[i64::MAX]);
@@ -170,7 +176,13 @@ pub fn onnx(net: &Net) -> Vec<u8> {
 }
 
 fn mean(graph: &mut Vec<u8>, name: &str) {
-    node(graph, "ReduceMean", &["x"], name, &[ints("axes", &[1]), int("keepdims", 1)]);
+    node(
+        graph,
+        "ReduceMean",
+        &["x"],
+        name,
+        &[ints("axes", &[1]), int("keepdims", 1)],
+    );
 }
 
 /// The body of a loop that goes on and changes nothing.
@@ -197,7 +209,9 @@ fn node(graph: &mut Vec<u8>, operator: &str, inputs: &[&str], output: &str, attr
     inputs.iter().for_each(|name| put_bytes(&mut out, 1, name.as_bytes()));
     put_bytes(&mut out, 2, output.as_bytes());
     put_bytes(&mut out, 4, operator.as_bytes());
-    attributes.iter().for_each(|attribute| put_bytes(&mut out, 5, attribute));
+    attributes
+        .iter()
+        .for_each(|attribute| put_bytes(&mut out, 5, attribute));
     put_bytes(graph, 1, &out);
 }
 

@@ -10,12 +10,19 @@ use gear_onnx::testing::{Net, can_run, model, with};
 use gear_onnx::{Channel, Given, LibraryFile, Model, OnnxError, Provider, answer, library, realm};
 
 fn picture() -> SrgbImage {
-    SrgbImage::from_fn(40, 24, |x, y| [x as f32 / 39.0, y as f32 / 23.0, if x > 20 { 1.0 } else { 0.0 }])
+    SrgbImage::from_fn(40, 24, |x, y| {
+        [x as f32 / 39.0, y as f32 / 23.0, if x > 20 { 1.0 } else { 0.0 }]
+    })
 }
 
 fn ask(model: &Model) -> Result<Vec<Field>, OnnxError> {
     let rgb = picture();
-    answer(model, Provider::Cpu, Given { rgb: &rgb, planes: &[] }, &Context::detached())
+    answer(
+        model,
+        Provider::Cpu,
+        Given { rgb: &rgb, planes: &[] },
+        &Context::detached(),
+    )
 }
 
 fn told(model: &Model) -> String {
@@ -45,7 +52,10 @@ fn contours_are_the_laplacian() {
         return;
     }
     let edges = ask(&model(&Net::Edges)).unwrap();
-    assert!(edges[0].at(20, 12) > 0.3 && edges[0].at(21, 12) > 0.3, "the step of blue");
+    assert!(
+        edges[0].at(20, 12) > 0.3 && edges[0].at(21, 12) > 0.3,
+        "the step of blue"
+    );
     assert!(edges[0].at(10, 12) < 1e-5, "a ramp has none");
 }
 
@@ -78,7 +88,10 @@ fn planes_beside_the_picture_reach_the_network() {
     let rgb = picture();
     let (mask, edges) = (Field::filled(40, 24, 1.0), Field::filled(40, 24, 0.5));
     let planes = [(Channel::Mask, &mask), (Channel::Edges, &edges)];
-    let given = Given { rgb: &rgb, planes: &planes };
+    let given = Given {
+        rgb: &rgb,
+        planes: &planes,
+    };
     let mean = answer(&two, Provider::Cpu, given, &Context::detached()).unwrap();
     assert!(mean[0].data().iter().all(|x| (x - 0.75).abs() < 1e-6));
 }
@@ -121,7 +134,10 @@ fn an_answer_that_is_too_large_is_not_taken() {
         return;
     }
     let message = told(&model(&Net::Huge));
-    assert!(message.contains("at most"), "{message}");
+    assert!(
+        message.contains("too large") || message.contains("at most"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -132,7 +148,11 @@ fn a_provider_that_the_library_has_not_is_an_error_and_not_the_cpu() {
     let rgb = picture();
     let given = Given { rgb: &rgb, planes: &[] };
     // No build of the library is for Apple's devices and for DirectML.
-    let absent = if cfg!(target_os = "macos") { Provider::Directml } else { Provider::Coreml };
+    let absent = if cfg!(target_os = "macos") {
+        Provider::Directml
+    } else {
+        Provider::Coreml
+    };
     let error = answer(&model(&Net::Mean), absent, given, &Context::detached()).unwrap_err();
     assert!(matches!(error, OnnxError::NoProvider { .. }), "{error}");
 }
@@ -146,7 +166,12 @@ fn an_interrupted_network_stops() {
     let ctx = Context::new(Arc::clone(&stop), None, 0);
     let running = std::thread::spawn(move || {
         let rgb = picture();
-        answer(&model(&Net::Endless), Provider::Cpu, Given { rgb: &rgb, planes: &[] }, &ctx)
+        answer(
+            &model(&Net::Endless),
+            Provider::Cpu,
+            Given { rgb: &rgb, planes: &[] },
+            &ctx,
+        )
     });
     std::thread::sleep(Duration::from_millis(300));
     assert!(!running.is_finished(), "it runs without end");
@@ -189,7 +214,13 @@ fn without_the_library_a_network_is_an_error_that_says_how_to_get_it() {
     let named = Resources::default().with(LibraryFile("/nowhere/libonnxruntime.so".into()));
     let ctx = Context::detached().with_resources(named);
     let rgb = picture();
-    let error = answer(&model(&Net::Mean), Provider::Cpu, Given { rgb: &rgb, planes: &[] }, &ctx).unwrap_err();
+    let error = answer(
+        &model(&Net::Mean),
+        Provider::Cpu,
+        Given { rgb: &rgb, planes: &[] },
+        &ctx,
+    )
+    .unwrap_err();
     match error {
         OnnxError::BadLibrary { .. } => assert!(error.to_string().contains("pip install onnxruntime"), "{error}"),
         OnnxError::OtherLibrary { .. } => {}

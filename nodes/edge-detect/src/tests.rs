@@ -196,7 +196,10 @@ mod network {
     #[test]
     fn embedded_methods_do_not_ask_for_it() {
         let known = Known::of::<In>(Vec::new());
-        assert!(matches!(EdgeDetect::default().demand("edges", &known), Ok(Demand::Ready { .. })));
+        assert!(matches!(
+            EdgeDetect::default().demand("edges", &known),
+            Ok(Demand::Ready { .. })
+        ));
         let asked = node().demand("edges", &known).unwrap();
         assert!(matches!(asked, Demand::Need { ports, .. } if ports == ["model"]));
         assert_eq!(EdgeDetect::default().realm(&Resources::default()), "cpu");

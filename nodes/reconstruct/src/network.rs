@@ -69,7 +69,11 @@ pub(crate) fn relief(
             normals: [x, y, z],
             height,
         },
-        _ => return Err(NodeError::new("the network's answer has another number of channels than it declares")),
+        _ => {
+            return Err(NodeError::new(
+                "the network's answer has another number of channels than it declares",
+            ));
+        }
     };
     let extent = extent.value().map(|share| share as f32);
     let (relief, used) = guided::estimate(light, foundation, guide, extent, &settings);

@@ -234,7 +234,10 @@ mod network {
             let r2 = (x as f32 - 35.5) * (x as f32 - 35.5) + (y as f32 - 35.5) * (y as f32 - 35.5);
             let expected = ((26.0f32 * 26.0 - r2).sqrt() - 26.0) / SIDE as f32;
             let found = depth.at(x, y) - depth.at(35, 35);
-            assert!((found - expected).abs() < slack, "({x}, {y}): {found}, expected {expected}");
+            assert!(
+                (found - expected).abs() < slack,
+                "({x}, {y}): {found}, expected {expected}"
+            );
         }
         assert!(depth.at(0, 0).is_nan());
     }

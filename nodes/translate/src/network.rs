@@ -48,5 +48,9 @@ pub(crate) fn translate(
     let colours = gear_onnx::answer(model, provider, given, ctx)?;
     // An answer has as many fields as it declares: three.
     let pixel = |p: usize| std::array::from_fn(|c| colours[c].data()[p]);
-    Ok(SrgbImage::from_vec(width, height, (0..width * height).map(pixel).collect()))
+    Ok(SrgbImage::from_vec(
+        width,
+        height,
+        (0..width * height).map(pixel).collect(),
+    ))
 }

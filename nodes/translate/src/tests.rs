@@ -224,14 +224,22 @@ mod network {
     fn it_asks_for_the_planes_that_the_network_takes_and_no_others() {
         let ask = |declaration: &str, net: &Net| {
             let model = AnyValue::new(with(net, declaration));
-            network().demand("image", &Known::of::<In>(vec![("model", model)])).unwrap()
+            network()
+                .demand("image", &Known::of::<In>(vec![("model", model)]))
+                .unwrap()
         };
         let plain = ask("network: 1\nanswer: picture\n", &Net::Negative);
         assert!(matches!(plain, Demand::Ready { .. }), "{plain:?}");
         let masked = ask("network: 1\nchannels: [red, mask]\nanswer: picture\n", &Net::MeanOf(2));
-        assert!(matches!(&masked, Demand::Need { ports, .. } if *ports == ["mask"]), "{masked:?}");
+        assert!(
+            matches!(&masked, Demand::Need { ports, .. } if *ports == ["mask"]),
+            "{masked:?}"
+        );
         let first = network().demand("image", &Known::of::<In>(Vec::new())).unwrap();
-        assert!(matches!(&first, Demand::Need { ports, .. } if *ports == ["model"]), "{first:?}");
+        assert!(
+            matches!(&first, Demand::Need { ports, .. } if *ports == ["model"]),
+            "{first:?}"
+        );
     }
 
     #[test]

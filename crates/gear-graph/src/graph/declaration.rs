@@ -83,7 +83,10 @@ mod tests {
     #[test]
     fn what_does_not_fit_together_is_shown_where_it_stands() {
         let mistakes = read("watts: 40\ncolours: [1, 2]\n").unwrap_err();
-        assert_eq!(mistakes.position(mistakes.problems()[0].labels[0].0), ("lamp.yaml", 2, 10));
+        assert_eq!(
+            mistakes.position(mistakes.problems()[0].labels[0].0),
+            ("lamp.yaml", 2, 10)
+        );
         assert!(read("{").is_err() && read("").is_err() && read("watts: 1\nwatts: 2\n").is_err());
     }
 }

@@ -131,7 +131,10 @@ pub(super) enum Source {
         /// Of the file and of those beside it; `None` for one that is not there.
         stamps: Vec<(PathBuf, Option<Stamp>)>,
     },
-    Made { name: String, make: Arc<Make> },
+    Made {
+        name: String,
+        make: Arc<Make>,
+    },
 }
 
 /// What tells that a file changed while it was read.

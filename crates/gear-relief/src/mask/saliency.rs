@@ -52,7 +52,11 @@ pub fn from_saliency(image: &SrgbImage, saliency: &Field, settings: &Settings) -
     let doubts = Doubts { main, ..measured };
     let confidence = confidence(&doubts);
     tracing::debug!(confidence, ?doubts, "foreground of a network");
-    let fine = if mask.count() > 0 { small.refine(image, &mask, settings) } else { Mask::filled(width, height, false) };
+    let fine = if mask.count() > 0 {
+        small.refine(image, &mask, settings)
+    } else {
+        Mask::filled(width, height, false)
+    };
     if confidence <= settings.least_confidence || fine.count() == 0 {
         return Found {
             confidence,
@@ -79,7 +83,12 @@ fn decided(saliency: &Field) -> f64 {
 }
 
 fn largest(mask: &Mask) -> usize {
-    components(mask, Connectivity::Eight).sizes.iter().max().copied().unwrap_or(0)
+    components(mask, Connectivity::Eight)
+        .sizes
+        .iter()
+        .max()
+        .copied()
+        .unwrap_or(0)
 }
 
 /// Drops parts below `share` of the largest.

@@ -407,9 +407,17 @@ fn h_files_beside_a_file_belong_to_what_identifies_it() {
     };
     assert_eq!(run("one.txt", "4", None), (4.0, 2));
     assert_eq!(run("one.txt", "4", Some("3")), (12.0, 2));
-    assert_eq!(run("elsewhere.txt", "4", Some("3")), (12.0, 0), "the paths are not in the key");
+    assert_eq!(
+        run("elsewhere.txt", "4", Some("3")),
+        (12.0, 0),
+        "the paths are not in the key"
+    );
     assert_eq!(run("one.txt", "4", Some("2")).0, 8.0);
-    assert_eq!(run("one.txt", "4", None), (4.0, 0), "without it, the key is that of the file alone");
+    assert_eq!(
+        run("one.txt", "4", None),
+        (4.0, 0),
+        "without it, the key is that of the file alone"
+    );
 }
 
 #[test]
