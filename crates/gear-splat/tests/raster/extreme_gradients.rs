@@ -16,6 +16,7 @@ use crate::scenes::{Random, cameras, cloud};
 fn everywhere(scene: &Scene, camera: &Camera, pixels: &PixelGradients) -> Vec<(&'static str, SceneGradients)> {
     let options = RenderOptions::default();
     let frame = cpu::Frame::new(scene, camera, &options, Outputs::RGBA);
+    #[cfg_attr(not(feature = "gpu"), allow(unused_mut))]
     let mut all = vec![("CPU", frame.backward(scene, &frame.draw(), pixels, Wanted::ALL))];
     #[cfg(feature = "gpu")]
     all.extend(crate::gpu::gradients(scene, camera, &options, pixels).map(|found| ("GPU", found)));
