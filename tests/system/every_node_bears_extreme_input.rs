@@ -11,6 +11,7 @@ use serde_json::json;
 /// Parameters of nodes that take long with their defaults.
 fn quick(node: &str) -> serde_json::Value {
     match node {
+        "CompareTruth" => json!({"yaws": [30.0], "size": 24}),
         "Metrics" => json!({"ddi_yaws": [30.0], "ddi_size": 32, "view_yaws": [0.0, 45.0]}),
         "Refine" => json!({"iterations": 8, "color_iterations": 4}),
         "RenderViews" => json!({"size": 32}),

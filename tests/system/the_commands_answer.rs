@@ -183,7 +183,13 @@ fn a_sample_comes_with_its_truth() {
 fn samples_are_listed() {
     let desk = Desk::new();
     let list = desk.gear(&["sample"]).exits(0).stdout;
-    assert_eq!(list.lines().collect::<Vec<_>>(), gear_sample::names());
+    let motifs = gear_sample::names().iter().map(ToString::to_string);
+    let all: Vec<String> = motifs.chain(gear_sample::benchmark()).collect();
+    assert_eq!(list.lines().collect::<Vec<_>>(), all);
+    let families = desk.gear(&["sample", "--list"]).exits(0).stdout;
+    for said in ["figure-1", "landscape-8", "upper-left", "condition="] {
+        assert!(families.contains(said), "{said} in {families}");
+    }
     desk.gear(&["sample", "vessel"]).exits(2).says("--out");
 }
 

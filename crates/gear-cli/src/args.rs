@@ -158,7 +158,8 @@ pub struct PlanArgs {
     /// The graph.
     #[command(flatten)]
     pub graph: GraphArgs,
-    /// Give an input of the graph: a file, or `sample:NAME` for a painting that gear makes itself
+    /// Give an input of the graph: a file, or `sample:NAME` for a painting that gear makes itself, with options if need
+    /// be: `sample:figure-3,condition=photo,light=right,seed=2,background=plain`
     #[arg(long, value_name = "NAME=PATH|sample:NAME")]
     pub input: Vec<OsString>,
     /// Ask for some outputs only
@@ -436,9 +437,13 @@ pub struct RenderArgs {
 /// `gear sample`.
 #[derive(Debug, Args)]
 pub struct SampleArgs {
-    /// The motif: court-lady, vessel or landscape-relief; without it they are listed
+    /// The motif (court-lady, vessel, landscape-relief) or the scene of the benchmark (figure-1, relief-3, …); without it
+    /// they are listed
     #[arg(requires = "out")]
     pub name: Option<String>,
+    /// Say what families of scenes there are, and which lights
+    #[arg(long, conflicts_with_all = ["name", "out"])]
+    pub list: bool,
     /// Where the files go; made if it is not there
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -451,9 +456,16 @@ pub struct SampleArgs {
     /// How the surface is shown
     #[arg(long, value_enum, default_value_t = ConditionArg::Paint)]
     pub condition: ConditionArg,
+    /// Where the light comes from
+    #[arg(long, value_name = "LIGHT", default_value = "upper-left", value_parser = lights())]
+    pub light: String,
     /// Seed of everything that is random
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+}
+
+fn lights() -> clap::builder::PossibleValuesParser {
+    gear_sample::LIGHTS.map(|(name, _)| name).into()
 }
 
 /// What lies behind the figure.

@@ -87,16 +87,10 @@ pub enum CliError {
         /// Why.
         cause: gear_sample::SampleError,
     },
-    /// An option of a sample cannot be.
-    #[error("{asked}: {problem}")]
-    SampleOption {
-        /// The flag or argument.
-        asked: String,
-        /// What is wrong.
-        problem: String,
-    },
     /// A sample has nothing of that type.
-    #[error("--input {name}=sample:{sample}: a sample gives an Image or a Mask, and `{name}` is a {value_type}")]
+    #[error(
+        "--input {name}=sample:{sample}: a sample gives an Image, a Mask, a Field or a Scene, and `{name}` is a {value_type}"
+    )]
     SampleType {
         /// The input.
         name: String,

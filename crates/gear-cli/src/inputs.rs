@@ -2,9 +2,9 @@
 
 use std::ffi::{OsStr, OsString};
 
-use gear_graph::{Graph, GraphInput, Input, NodeError};
+use gear_graph::{Graph, GraphInput, Input, NodeError, Value};
 use gear_image::Image;
-use gear_sample::{Background, Condition, Options, Sample};
+use gear_sample::{Options, Request, Sample, Show};
 
 use crate::error::CliError;
 
@@ -75,13 +75,15 @@ fn working_size(graph: &Graph, input: &GraphInput) -> usize {
 
 /// A sample, painted only when its pixels are needed.
 fn sampled(sample: &str, input: &GraphInput, longer_side: usize) -> Result<Input, CliError> {
-    let (name, options) = request(sample, longer_side).map_err(|problem| CliError::SampleOption {
-        asked: format!("--input {}=sample:{sample}", input.name),
-        problem,
-    })?;
-    let encode: fn(Sample) -> Result<Vec<u8>, String> = match input.value_type.name {
-        "Image" => |sample| gear_image::io::png_bytes(&sample.painting),
-        "Mask" => |sample| gear_image::io::png_bytes(&white_on_black(&sample)),
+    let encode: fn(&Sample, Show) -> Result<Vec<u8>, String> = match input.value_type.name {
+        "Image" => |sample, show| match show {
+            Show::Painting => gear_image::io::png_bytes(&sample.painting),
+            Show::Normals => gear_image::io::png_bytes(&Image::opaque(sample.normal_map())),
+            Show::Albedo => gear_image::io::png_bytes(&Image::opaque(sample.albedo.to_srgb())),
+        },
+        "Mask" => |sample, _| gear_image::io::png_bytes(&white_on_black(sample)),
+        "Field" => |sample, _| sample.front().encode().map_err(|e| e.to_string()),
+        "Scene" => |sample, _| sample.scene(1).encode().map_err(|e| e.to_string()),
         value_type => {
             return Err(CliError::SampleType {
                 name: input.name.clone(),
@@ -90,63 +92,22 @@ fn sampled(sample: &str, input: &GraphInput, longer_side: usize) -> Result<Input
             });
         }
     };
-    if !gear_sample::names().contains(&name.as_str()) {
-        return Err(CliError::Sample {
-            asked: format!("--input {}=sample:{sample}", input.name),
-            cause: gear_sample::SampleError::UnknownName { found: name },
-        });
-    }
-    let usual = Options {
-        longer_side,
-        ..Options::default()
+    let request = Request::parse(sample, longer_side).map_err(|cause| CliError::Sample {
+        asked: format!("--input {}=sample:{sample}", input.name),
+        cause,
+    })?;
+    let key = match request.has_default_options() {
+        true => format!(
+            "sample {SAMPLE_VERSION} {} {longer_side} {}",
+            request.name, input.value_type.name
+        ),
+        false => format!("sample {SAMPLE_VERSION} {request:?} {}", input.value_type.name),
     };
-    let how = match options == usual {
-        true => String::new(),
-        false => format!(" {options:?}"),
-    };
-    let key = format!(
-        "sample {SAMPLE_VERSION} {name} {longer_side} {}{how}",
-        input.value_type.name
-    );
     Ok(Input::made(format!("sample:{sample}"), &key, move || {
-        let painted = gear_sample::paint(&name, &options).map_err(|e| NodeError::because("no such sample", e))?;
-        encode(painted).map_err(NodeError::new)
+        let painted = gear_sample::paint(&request.name, &request.options);
+        let painted = painted.map_err(|e| NodeError::because("no such sample", e))?;
+        encode(&painted, request.show).map_err(NodeError::new)
     }))
-}
-
-/// Reads `NAME,OPTION=VALUE,…`.
-fn request(sample: &str, longer_side: usize) -> Result<(String, Options), String> {
-    let mut options = Options {
-        longer_side,
-        ..Options::default()
-    };
-    let mut parts = sample.split(',');
-    let name = parts.next().unwrap_or_default().to_owned();
-    for part in parts {
-        let (option, value) = part.split_once('=').unwrap_or((part, ""));
-        let unknown = |what: &str, among: &str| format!("{what} `{value}` is not known; expected {among}");
-        match option {
-            "seed" => options.seed = value.parse().map_err(|_| unknown("the seed", "a whole number"))?,
-            "condition" => match value {
-                "paint" => options.condition = Condition::Paint,
-                "photo" => options.condition = Condition::Photo,
-                "flat" => options.condition = Condition::Flat,
-                _ => return Err(unknown("the condition", "paint, photo or flat")),
-            },
-            "background" => match value {
-                "plain" => options.background = Background::Plain,
-                "textured" => options.background = Background::Textured,
-                "bordered" => options.background = Background::Bordered,
-                _ => return Err(unknown("the background", "plain, textured or bordered")),
-            },
-            _ => {
-                return Err(format!(
-                    "a sample has no option `{option}`; it has seed, condition and background"
-                ));
-            }
-        }
-    }
-    Ok((name, options))
 }
 
 fn white_on_black(sample: &Sample) -> Image {
@@ -192,14 +153,16 @@ mod tests {
     #[test]
     fn a_sample_is_another_input_with_other_options() {
         let key = |sample: &str| key_of(&parsed(&[&format!("painting=sample:{sample}")], 64).unwrap()[0].1);
-        assert_eq!(key("vessel"), key("vessel,condition=paint,seed=1"));
-        for other in ["vessel,seed=2", "vessel,condition=flat", "vessel,background=plain"] {
+        assert_eq!(key("vessel"), key("vessel,condition=paint,light=upper-left,seed=1"));
+        for other in [
+            "vessel-1",
+            "vessel,light=right",
+            "vessel,seed=2",
+            "vessel,condition=flat",
+            "vessel,show=normals",
+        ] {
             assert_ne!(key("vessel"), key(other), "{other}");
         }
-        let message = parsed(&["painting=sample:vessel,condition=wet"], 64)
-            .unwrap_err()
-            .to_string();
-        assert!(message.contains("wet") && message.contains("photo"), "{message}");
     }
 
     #[test]
@@ -242,6 +205,10 @@ mod tests {
     fn an_unknown_sample_is_named_with_those_that_exist() {
         let message = parsed(&["painting=sample:cat"], 64).unwrap_err().to_string();
         assert!(message.contains("cat") && message.contains("court-lady"), "{message}");
+        let message = parsed(&["painting=sample:vessel,light=moon"], 64)
+            .unwrap_err()
+            .to_string();
+        assert!(message.contains("moon") && message.contains("upper-left"), "{message}");
         assert!(matches!(
             parsed(&["note=sample:vessel"], 64),
             Err(CliError::SampleType { .. })

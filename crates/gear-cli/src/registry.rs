@@ -22,6 +22,7 @@ pub fn registry() -> Registry {
     node_edit::register(&mut registry);
     node_refine::register(&mut registry);
     node_metrics::register(&mut registry);
+    node_compare_truth::register(&mut registry);
 
     registry.loader::<gear_graph::ReportFile>();
     node_prompt::register(&mut registry);

@@ -10,6 +10,7 @@ pub mod colour;
 pub mod edges;
 #[cfg_attr(not(feature = "graph"), allow(dead_code))] // files are then only read
 mod exr_file;
+pub mod fidelity;
 pub mod filter;
 pub mod io;
 pub mod math;

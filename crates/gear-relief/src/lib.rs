@@ -23,6 +23,7 @@ pub mod light;
 pub mod mask;
 pub mod shading;
 pub mod surfels;
+pub mod truth;
 
 /// Version of the numerics: part of the behaviour of every node that uses this crate. Raise it when bits change.
 pub const NUMERICS: u32 = 2;

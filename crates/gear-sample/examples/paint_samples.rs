@@ -1,9 +1,9 @@
-//! Paints every sample and writes it, with its truth as pictures, into a folder:
-//! `cargo run -p gear-sample --example paint_samples -- OUT [SIZE] [plain|textured|bordered] [paint|photo|flat]`.
+//! Paints every sample and every scene of the benchmark and writes it, with its truth as pictures, into a folder:
+//! `cargo run -p gear-sample --example paint_samples -- OUT [SIZE] [plain|textured|bordered] [paint|photo|flat] [NAME…]`.
 
 use std::path::PathBuf;
 
-use gear_sample::{Background, Condition, Options, names, paint};
+use gear_sample::{Background, Condition, Options, benchmark, names, paint};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -26,7 +26,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         condition,
         ..Options::default()
     };
-    for name in names() {
+    let asked = arguments.iter().skip(4).cloned().collect::<Vec<_>>();
+    let every = names().iter().map(ToString::to_string).chain(benchmark()).collect();
+    let scenes: Vec<String> = if asked.is_empty() { every } else { asked };
+    for name in &scenes {
         let start = std::time::Instant::now();
         let sample = paint(name, &options)?;
         eprintln!("{name}: {:.2} s", start.elapsed().as_secs_f64());

@@ -8,21 +8,61 @@ use crate::stage::{Colour, Skin, Stage};
 
 /// One range of mountains.
 #[derive(Clone, Copy)]
-struct Range {
+pub(crate) struct Range {
     /// Height of the ridge line's middle, y down.
-    level: f64,
+    pub level: f64,
     /// Height of the peaks over it.
-    peak: f64,
+    pub peak: f64,
     /// Peaks across the canvas.
-    count: f64,
+    pub count: f64,
     /// Height of the layer's foot over the ground plane.
-    base: f64,
+    pub base: f64,
     /// How far the slope comes forward from its ridge.
-    slope: f64,
+    pub slope: f64,
     /// How much mist lies over it, 0 to 1.
-    mist: f64,
-    seed: u64,
+    pub mist: f64,
+    /// Colours from the heights down to the feet.
+    pub manner: Manner,
+    /// Seed of its peaks and rocks.
+    pub seed: u64,
 }
+
+/// Colours of mountains.
+#[derive(Clone, Copy)]
+pub(crate) struct Manner {
+    /// The peaks.
+    pub heights: Colour,
+    /// The slopes.
+    pub slopes: Colour,
+    /// The feet.
+    pub feet: Colour,
+}
+
+impl Manner {
+    /// Azurite on the heights, malachite below, ochre at the feet.
+    pub fn blue_and_green() -> Self {
+        let p = Palette::court();
+        Self {
+            heights: scale(p.azurite, 1.25),
+            slopes: scale(p.malachite, 1.1),
+            feet: p.ochre,
+        }
+    }
+}
+
+/// Where the water is.
+#[derive(Clone, Copy)]
+pub(crate) struct Lake {
+    /// Height of the shore line, y down.
+    pub shore: f64,
+    /// Height of the water over the ground plane.
+    pub base: f64,
+}
+
+const LAKE: Lake = Lake {
+    shore: 0.178,
+    base: 0.120,
+};
 
 /// Builds the landscape.
 pub fn stage(seed: u64) -> Stage {
@@ -31,7 +71,8 @@ pub fn stage(seed: u64) -> Stage {
         parts: Vec::new(),
         whole_canvas: true,
     };
-    sky(&mut stage, seed);
+    sky(&mut stage, seed, [0.235, -0.245]);
+    let manner = Manner::blue_and_green();
     let ranges = [
         Range {
             level: -0.12,
@@ -40,6 +81,7 @@ pub fn stage(seed: u64) -> Stage {
             base: 0.030,
             slope: 0.030,
             mist: 0.75,
+            manner,
             seed: seed + 1,
         },
         Range {
@@ -49,6 +91,7 @@ pub fn stage(seed: u64) -> Stage {
             base: 0.060,
             slope: 0.060,
             mist: 0.28,
+            manner,
             seed: seed + 12,
         },
         Range {
@@ -58,26 +101,26 @@ pub fn stage(seed: u64) -> Stage {
             base: 0.105,
             slope: 0.050,
             mist: 0.10,
+            manner,
             seed: seed + 3,
         },
     ];
     for range in ranges {
         add_range(&mut stage, range);
     }
-    water(&mut stage, seed);
-    add_range(
-        &mut stage,
-        Range {
-            level: 0.300,
-            peak: 0.085,
-            count: 2.2,
-            base: 0.165,
-            slope: 0.040,
-            mist: 0.0,
-            seed: seed + 24,
-        },
-    );
-    pavilion(&mut stage, 0.115, 0.205);
+    water(&mut stage, seed, LAKE);
+    let near = Range {
+        level: 0.300,
+        peak: 0.085,
+        count: 2.2,
+        base: 0.165,
+        slope: 0.040,
+        mist: 0.0,
+        manner,
+        seed: seed + 24,
+    };
+    add_range(&mut stage, near);
+    pavilion(&mut stage, 0.115, 0.205, 0.185);
     for (k, (x, size)) in [
         (-0.34, 1.25),
         (-0.27, 0.95),
@@ -89,16 +132,16 @@ pub fn stage(seed: u64) -> Stage {
     .into_iter()
     .enumerate()
     {
-        pine(&mut stage, x, size, seed + 24, seed + 200 + k as u64);
+        pine(&mut stage, x, size, near, seed + 200 + k as u64);
     }
     stage
 }
 
-fn free(form: impl Fn(f64, f64) -> Option<Local> + Send + Sync + 'static) -> Shape {
+pub(crate) fn free(form: impl Fn(f64, f64) -> Option<Local> + Send + Sync + 'static) -> Shape {
     Shape::Free(Box::new(form))
 }
 
-fn local(x: f64, y: f64, base: f64, rise: f64) -> Local {
+pub(crate) fn local(x: f64, y: f64, base: f64, rise: f64) -> Local {
     Local {
         x,
         y,
@@ -111,13 +154,14 @@ fn local(x: f64, y: f64, base: f64, rise: f64) -> Local {
     }
 }
 
-fn sky(stage: &mut Stage, seed: u64) {
+/// Silk, with the sun at a place.
+pub(crate) fn sky(stage: &mut Stage, seed: u64, at: [f64; 2]) {
     stage.add(free(|x, y| Some(local(x, y, 0.0, 0.0))), 0.0, move |l| {
         let p = Palette::court();
         let warm = mix(p.silk, scale(p.gold, 0.95), 0.35 * smoothstep(-0.36, -0.10, l.y));
         let age = fractal(seed + 61, 3.0 * l.x, 3.0 * l.y, 4);
         let mut albedo: Colour = scale(warm, 1.0 + 0.10 * age);
-        let (dx, dy) = (l.x - 0.235, l.y + 0.245);
+        let (dx, dy) = (l.x - at[0], l.y - at[1]);
         let sun = (dx * dx + dy * dy).sqrt();
         albedo = mix(albedo, p.cinnabar, 0.9 * smoothstep(0.037, 0.034, sun));
         Skin::plain(albedo)
@@ -125,7 +169,7 @@ fn sky(stage: &mut Stage, seed: u64) {
 }
 
 /// The ridge line: peaks of uneven height with crags.
-fn ridge(range: &Range, x: f64) -> f64 {
+pub(crate) fn ridge(range: &Range, x: f64) -> f64 {
     let t = (x + 0.5) * range.count;
     let mut top = 0.0f64;
     let cell = t.floor() as i64;
@@ -153,7 +197,8 @@ fn rock(range: &Range, x: f64, down: f64) -> (f64, f64) {
     (0.62 * major + 0.26 * minor + 0.22 * rough, gully)
 }
 
-fn add_range(stage: &mut Stage, range: Range) {
+/// A range in front of what is there.
+pub(crate) fn add_range(stage: &mut Stage, range: Range) {
     let shape = free(move |x, y| {
         let down = y - ridge(&range, x);
         (down > 0.0).then(|| Local {
@@ -166,15 +211,10 @@ fn add_range(stage: &mut Stage, range: Range) {
         let down = l.s;
         let (rock, gully) = rock(&range, l.x, down);
         let crown = smoothstep(0.0, 0.03, down);
-        // azurite on the heights, malachite below, ochre at the feet: the blue-and-green manner
         let mottle = 0.05 * fractal(range.seed + 11, 12.0 * l.x, 12.0 * l.y, 3);
         let t = down / (range.peak * 0.9 + 0.03) + mottle;
-        let mut albedo = mix(
-            scale(p.azurite, 1.25),
-            scale(p.malachite, 1.1),
-            smoothstep(0.12, 0.55, t),
-        );
-        albedo = mix(albedo, p.ochre, 0.85 * smoothstep(0.60, 1.15, t));
+        let mut albedo = mix(range.manner.heights, range.manner.slopes, smoothstep(0.12, 0.55, t));
+        albedo = mix(albedo, range.manner.feet, 0.85 * smoothstep(0.60, 1.15, t));
         albedo = mix(albedo, scale(albedo, 1.35), 0.5 * smoothstep(0.1, 0.9, rock));
         // mist gathers at the feet
         let drift = 0.06 * fractal(range.seed + 13, 5.0 * l.x, 14.0 * l.y, 4);
@@ -206,10 +246,11 @@ fn add_range(stage: &mut Stage, range: Range) {
     });
 }
 
-fn water(stage: &mut Stage, seed: u64) {
-    let shore = move |x: f64| 0.178 + 0.022 * fractal(seed + 71, 3.5 * x, 0.0, 3);
+/// A lake.
+pub(crate) fn water(stage: &mut Stage, seed: u64, lake: Lake) {
+    let shore = move |x: f64| lake.shore + 0.022 * fractal(seed + 71, 3.5 * x, 0.0, 3);
     stage.add(
-        free(move |x, y| (y > shore(x)).then(|| local(x, y, 0.120, 0.02 * (y - 0.17)))),
+        free(move |x, y| (y > shore(x)).then(|| local(x, y, lake.base, 0.02 * (y - (lake.shore - 0.008))))),
         0.35,
         move |l| {
             let p = Palette::court();
@@ -229,13 +270,13 @@ fn water(stage: &mut Stage, seed: u64) {
 }
 
 /// A small pavilion on the near shore: a tiled roof over posts.
-fn pavilion(stage: &mut Stage, x0: f64, y0: f64) {
+pub(crate) fn pavilion(stage: &mut Stage, x0: f64, y0: f64, base: f64) {
     let at = move |x: f64, y: f64| (x - x0, y - y0);
     stage.add(
         free(move |x, y| {
             let (u, v) = at(x, y);
             (u.abs() < 0.036 && (0.018..0.078).contains(&v))
-                .then(|| local(u, v, 0.185, 0.016 * (1.0 - (u / 0.036) * (u / 0.036)).max(0.0).sqrt()))
+                .then(|| local(u, v, base, 0.016 * (1.0 - (u / 0.036) * (u / 0.036)).max(0.0).sqrt()))
         }),
         0.6,
         |l| {
@@ -259,7 +300,8 @@ fn pavilion(stage: &mut Stage, x0: f64, y0: f64) {
                 }
                 // eaves curve up at their ends
                 let (top, foot) = (-0.020 + 0.034 * t.sqrt(), 0.022 - 0.012 * t * t * t);
-                (v > top && v < foot).then(|| local(u, v, 0.200, 0.022 * ((v - top) / (foot - top + 1e-9)).sqrt()))
+                (v > top && v < foot)
+                    .then(|| local(u, v, base + 0.015, 0.022 * ((v - top) / (foot - top + 1e-9)).sqrt()))
             }),
             0.8,
             |l| {
@@ -278,16 +320,8 @@ fn pavilion(stage: &mut Stage, x0: f64, y0: f64) {
 }
 
 /// A pine: a bent trunk and flat clouds of needles.
-fn pine(stage: &mut Stage, x0: f64, size: f64, ground_seed: u64, seed: u64) {
-    let near = Range {
-        level: 0.300,
-        peak: 0.085,
-        count: 2.2,
-        base: 0.165,
-        slope: 0.040,
-        mist: 0.0,
-        seed: ground_seed,
-    };
+pub(crate) fn pine(stage: &mut Stage, x0: f64, size: f64, near: Range, seed: u64) {
+    let base = near.base + 0.035;
     let foot = ridge(&near, x0) + 0.02;
     let tall = 0.150 * size;
     let bend = move |t: f64| x0 + 0.020 * size * libm::sin(4.0 * t + 6.0 * uniform(seed, 0, 0)) * t;
@@ -299,7 +333,7 @@ fn pine(stage: &mut Stage, x0: f64, size: f64, ground_seed: u64, seed: u64) {
             }
             let width = 0.0065 * size * (1.1 - t);
             let e = (x - bend(t)) / width;
-            (e.abs() < 1.0).then(|| local(x, y, 0.200, 0.010 * (1.0 - e * e).sqrt()))
+            (e.abs() < 1.0).then(|| local(x, y, base, 0.010 * (1.0 - e * e).sqrt()))
         }),
         0.5,
         move |l| {
@@ -328,7 +362,7 @@ fn pine(stage: &mut Stage, x0: f64, size: f64, ground_seed: u64, seed: u64) {
                 let lobes = 1.0 + 0.16 * noise(seed + 3 + k as u64, 5.0 * u, 5.0 * v);
                 let r = u * u + if v > 0.0 { 3.0 * v * v } else { v * v };
                 let round = 1.0 - r / (lobes * lobes);
-                (round > 0.0).then(|| local(u, v, 0.205, 0.020 * size * round.sqrt()))
+                (round > 0.0).then(|| local(u, v, base + 0.005, 0.020 * size * round.sqrt()))
             }),
             0.55,
             move |l| {

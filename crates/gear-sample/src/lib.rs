@@ -4,18 +4,26 @@
 //! truth: mask, height, normals, reflectance, and what the surface looks like from the side ([`Sample::scene`]).
 //! The painter works as classical court painters did: flat mineral colours, patterned cloth, ink outlines,
 //! washes along the lines, and only weak modelling by light.
+//!
+//! Three motifs have names of their own ([`names`]). A benchmark of scenes in four families ([`Family`], [`benchmark`])
+//! is drawn from numbers: `figure-1`, `vessel-5`, …
 
 mod court_lady;
+mod families;
 mod ground;
 mod landscape;
 mod paint;
 mod palette;
 mod random;
+mod request;
 mod shape;
 mod stage;
 mod surface;
 mod textile;
 mod vessel;
+
+pub use families::{BENCHMARK_SCENES, Family, benchmark};
+pub use request::{LIGHTS, Request, Show, light};
 
 use gear_image::{Field, Image, LinearImage, Mask, SrgbImage};
 
@@ -71,8 +79,8 @@ impl Default for Options {
 /// A painting and its truth. All rasters have the painting's size.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// Name of the motif.
-    pub name: &'static str,
+    /// Name of the motif or scene.
+    pub name: String,
     /// The picture.
     pub painting: Image,
     /// The picture without its ink lines: the colour of the surface itself.
@@ -93,10 +101,22 @@ pub struct Sample {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SampleError {
     /// No motif has that name.
-    #[error("there is no sample {found:?}; there are {}", names().join(", "))]
+    #[error(
+        "there is no sample {found:?}; there are {}, and the scenes {} with N from 1",
+        names().join(", "),
+        Family::ALL.map(|family| format!("{}-N", family.name())).join(", ")
+    )]
     UnknownName {
         /// The name asked for.
         found: String,
+    },
+    /// An option of a written request is none.
+    #[error("a sample has no option {found:?}; expected {expected}")]
+    Option {
+        /// What was written.
+        found: String,
+        /// What can be.
+        expected: String,
     },
     /// The size cannot be painted.
     #[error("a sample of {found} px cannot be painted; ask for {MIN_SIDE} to {MAX_SIDE} px on the longer side")]
@@ -111,23 +131,29 @@ pub const MIN_SIDE: usize = 16;
 /// Largest longer side, pixels.
 pub const MAX_SIDE: usize = 4096;
 
-/// The motifs.
+/// The motifs that have names of their own.
 pub fn names() -> &'static [&'static str] {
     &["court-lady", "vessel", "landscape-relief"]
 }
 
-/// Paints the motif `name`.
+/// Whether a motif or a scene has this name.
+pub fn exists(name: &str) -> bool {
+    names().contains(&name) || Family::of(name).is_some()
+}
+
+/// Paints the motif or scene `name`.
 pub fn paint(name: &str, options: &Options) -> Result<Sample, SampleError> {
     if !(MIN_SIDE..=MAX_SIDE).contains(&options.longer_side) {
         return Err(SampleError::Size {
             found: options.longer_side,
         });
     }
-    let (name, stage) = match name {
-        "court-lady" => ("court-lady", court_lady::stage(options.seed)),
-        "vessel" => ("vessel", vessel::stage(options.seed)),
-        "landscape-relief" => ("landscape-relief", landscape::stage(options.seed)),
-        _ => return Err(SampleError::UnknownName { found: name.to_owned() }),
+    let stage = match (name, Family::of(name)) {
+        ("court-lady", _) => court_lady::stage(options.seed),
+        ("vessel", _) => vessel::stage(options.seed),
+        ("landscape-relief", _) => landscape::stage(options.seed),
+        (_, Some((family, number))) => family.stage(number, options.seed),
+        (_, None) => return Err(SampleError::UnknownName { found: name.to_owned() }),
     };
     Ok(paint::paint(name, &stage, options))
 }
@@ -174,6 +200,46 @@ mod tests {
                 assert!(*inside || *height == 0.0);
             }
         }
+    }
+
+    #[test]
+    fn every_scene_of_the_benchmark_has_a_picture_and_a_truth_with_depth() {
+        let scenes = benchmark();
+        assert!(scenes.len() >= 24);
+        for name in scenes {
+            let sample = paint(&name, &small(Background::Plain, Condition::Paint)).unwrap();
+            let finite = |c: &f32| (0.0..=1.0).contains(c);
+            assert!(sample.painting.rgb.data().iter().flatten().all(finite), "{name}");
+            let inside: Vec<f32> = (0..sample.mask.len())
+                .filter(|&p| sample.mask.data()[p])
+                .map(|p| sample.height.data()[p])
+                .collect();
+            let (low, high) = gear_image::stats::range(&inside).unwrap();
+            assert!(low >= 0.0 && high < 0.5 && high - low > 0.03, "{name}: {low} to {high}");
+            let share = inside.len() as f64 / sample.mask.len() as f64;
+            assert!(share > 0.12, "{name}: {share}");
+            // a figure has ground all round it
+            if !sample.mask.is_full() {
+                let (w, h) = sample.mask.size();
+                let rim = (0..w).all(|x| !sample.mask.at(x, 0) && !sample.mask.at(x, h - 1))
+                    && (0..h).all(|y| !sample.mask.at(0, y) && !sample.mask.at(w - 1, y));
+                assert!(rim, "{name} touches the frame");
+            }
+        }
+    }
+
+    #[test]
+    fn scenes_of_a_family_differ_and_a_scene_keeps_its_shape_whatever_the_light() {
+        let options = small(Background::Plain, Condition::Photo);
+        let one = paint("vessel-1", &options).unwrap();
+        assert_ne!(one.mask, paint("vessel-7", &options).unwrap().mask);
+        let lit = Options {
+            light: light("right").unwrap(),
+            ..options
+        };
+        let other = paint("vessel-1", &lit).unwrap();
+        assert_eq!((&one.height, &one.mask), (&other.height, &other.mask));
+        assert_ne!(one.painting, other.painting);
     }
 
     #[test]

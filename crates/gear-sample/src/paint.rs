@@ -91,7 +91,7 @@ impl Grid {
 }
 
 /// Paints `stage`.
-pub fn paint(name: &'static str, stage: &Stage, options: &Options) -> Sample {
+pub fn paint(name: &str, stage: &Stage, options: &Options) -> Sample {
     let (width, height) = canvas(stage.aspect, options.longer_side);
     let shrink = if options.background == Background::Bordered && !stage.whole_canvas {
         0.86
@@ -115,7 +115,7 @@ pub fn paint(name: &'static str, stage: &Stage, options: &Options) -> Sample {
     let fine = Grid::new(width, height, FINE, shrink);
     let layers = Layers::new(stage, &fine, options);
     Sample {
-        name,
+        name: name.to_owned(),
         painting: Image::opaque(layers.picture(&fine, true, true)),
         unlined: layers.picture(&fine, true, false),
         albedo: LinearImage::from_vec(width, height, average(&fine, &layers.albedo)),

@@ -5,7 +5,7 @@
 //! part hides another. The front carries the colours that the painter saw (lines included); walls and back
 //! carry the colour of the part itself, without its lines.
 
-use gear_image::Field;
+use gear_image::{Field, SrgbImage};
 use gear_splat::{Camera, Projection, Scene};
 use glam::{Mat3, Quat, Vec3};
 
@@ -38,6 +38,24 @@ impl Sample {
             width: width as u32,
             height: height as u32,
         }
+    }
+
+    /// World z of the front towards the viewer, the picture's longer side being 1; NaN outside the mask.
+    pub fn front(&self) -> Field {
+        let (width, height) = self.painting.size();
+        let front = |(&h, &inside): (&f32, &bool)| if inside { h } else { f32::NAN };
+        Field::from_vec(
+            width,
+            height,
+            self.height.data().iter().zip(self.mask.data()).map(front).collect(),
+        )
+    }
+
+    /// True normals as colours `n/2 + ½`; ½ outside the mask.
+    pub fn normal_map(&self) -> SrgbImage {
+        let (width, height) = self.painting.size();
+        let colours = self.normals.iter().map(|n| n.map(|c| 0.5 + 0.5 * c)).collect();
+        SrgbImage::from_vec(width, height, colours)
     }
 
     /// True depth along the canonical camera's axis, world units; NaN outside the mask.

@@ -5,7 +5,7 @@
 //! | VEND | how voluminous the shape is, and in how many directions its surface looks | 0..=100, more is fuller | [`vend`] |
 //! | DDI | how much detail its depth shows at a yaw, and on average | 0..=100, more is finer | [`ddi`] |
 //! | NIQE | how unlike photographs the views and the grounded image are | ≥ 0, less is more natural | [`niqe`] |
-//! | PSNR, SSIM | how well the front view shows the painting inside the mask | dB; −1..=1, more is closer | [`fidelity`] |
+//! | PSNR, SSIM | how well the front view shows the painting inside the mask | dB; −1..=1, more is closer | [`gear_image::fidelity`] |
 //!
 //! None of them measures whether the shape is *right*: VEND rewards roundness and DDI noise. What is undefined is
 //! `null`, never 0; VEND and DDI are defined, as 0, for scenes without extent.
@@ -26,7 +26,6 @@
 //! finite; they take part in nothing.
 
 pub mod ddi;
-pub mod fidelity;
 pub mod niqe;
 pub mod surfels;
 pub mod vend;
@@ -35,7 +34,7 @@ mod views;
 use std::sync::Arc;
 
 use gear_graph::{Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Want};
-use gear_image::{Image, Mask};
+use gear_image::{Image, Mask, fidelity};
 use gear_splat::{RenderOptions, Scene, orbit};
 use serde_json::{Map, Value, json};
 

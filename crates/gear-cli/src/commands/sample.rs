@@ -2,9 +2,9 @@
 
 use gear_graph::Value;
 use gear_image::io::png_bytes;
-use gear_image::{Field, Image, SrgbImage};
+use gear_image::{Field, Image};
 use gear_report::picture::Pixels;
-use gear_sample::{Background, Condition, Options, Sample};
+use gear_sample::{BENCHMARK_SCENES, Background, Condition, Family, LIGHTS, Options, Sample};
 
 use crate::args::{BackgroundArg, ConditionArg, SampleArgs};
 use crate::bundle::File;
@@ -13,10 +13,15 @@ use crate::error::{CliError, Exit};
 use crate::folder::Folder;
 
 pub fn sample(args: &SampleArgs, console: &Console) -> Result<Exit, CliError> {
+    if args.list {
+        families().iter().for_each(|line| console.result(line));
+        return Ok(Exit::Done);
+    }
     let (Some(name), Some(out)) = (&args.name, &args.out) else {
-        for name in gear_sample::names() {
-            console.result(name);
-        }
+        let motifs = gear_sample::names().iter().map(ToString::to_string);
+        motifs
+            .chain(gear_sample::benchmark())
+            .for_each(|name| console.result(&name));
         return Ok(Exit::Done);
     };
     let folder = Folder::probe(out)?;
@@ -32,8 +37,9 @@ pub fn sample(args: &SampleArgs, console: &Console) -> Result<Exit, CliError> {
             ConditionArg::Photo => Condition::Photo,
             ConditionArg::Flat => Condition::Flat,
         },
+        // clap knows the names
+        light: gear_sample::light(&args.light).unwrap_or(Options::default().light),
         seed: args.seed,
-        ..Options::default()
     };
     let sample = gear_sample::paint(name, &options).map_err(|cause| CliError::Sample {
         asked: format!("gear sample {name}"),
@@ -49,16 +55,34 @@ pub fn sample(args: &SampleArgs, console: &Console) -> Result<Exit, CliError> {
     Ok(Exit::Done)
 }
 
+/// What there is, for people.
+fn families() -> Vec<String> {
+    let mut lines = vec![format!(
+        "{:28}motifs with names of their own",
+        gear_sample::names().join(", ")
+    )];
+    for family in Family::ALL {
+        let scenes = format!("{0}-1 … {0}-{BENCHMARK_SCENES}", family.name());
+        lines.push(format!("{scenes:28}{}", family.about()));
+    }
+    lines.push(format!("lights: {}", LIGHTS.map(|(name, _)| name).join(", ")));
+    lines.push(
+        "as input: sample:NAME,condition=photo|paint|flat,light=LIGHT,seed=N,background=plain|textured|bordered".into(),
+    );
+    lines.push(
+        "          of an Image also show=painting|normals|albedo; a Field is the true depth, a Scene the true surface"
+            .into(),
+    );
+    lines.push("any higher number makes a scene too: figure-1000".into());
+    lines
+}
+
 /// The painting and its truth. `depth.exr` is world z towards the viewer, NaN outside the mask, as `Reconstruct` gives it.
 fn files(sample: &Sample) -> Result<Vec<File>, String> {
-    let (width, height) = sample.painting.size();
     let encoded = |value: &Field| value.encode().map_err(|e| e.to_string());
     let png = |pixels: Pixels| pixels.png().map(|picture| picture.bytes).map_err(|e| e.to_string());
-    let inside = sample.height.data().iter().zip(sample.mask.data());
-    let depth = inside.map(|(&z, &inside)| if inside { z } else { f32::NAN }).collect();
-    let depth = Field::from_vec(width, height, depth);
-    let colours = sample.normals.iter().map(|n| n.map(|c| 0.5 + 0.5 * c)).collect();
-    let normals = Image::opaque(SrgbImage::from_vec(width, height, colours));
+    let depth = sample.front();
+    let normals = Image::opaque(sample.normal_map());
     Ok(vec![
         File::new("painting.png", png_bytes(&sample.painting)?),
         File::new("mask.png", png(Pixels::of_share(&sample.mask.to_field()))?),

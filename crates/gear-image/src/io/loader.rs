@@ -1,9 +1,9 @@
 //! Picture and mask files as inputs of a graph.
 
-use gear_graph::{Context, FileSource, Loader, NodeError, Params};
+use gear_graph::{Context, FileSource, Loader, NodeError, Params, Value};
 
 use super::{DEFAULT_SIZE, Limits, Options, Problem, Source, decode_image, decode_mask};
-use crate::{Image, Mask};
+use crate::{Field, Image, Mask};
 
 /// A picture from a PNG, JPEG, TIFF, WebP or EXR file.
 #[derive(Clone, Debug, Params)]
@@ -20,6 +20,10 @@ pub struct MaskFile {
     #[param(default = 4096, range = 1..=16384, unit = "px")]
     pub size: u32,
 }
+
+/// A field from an EXR file with a channel Y, as gear writes depth and ratios: samples as they are, NaN included.
+#[derive(Clone, Debug, Params)]
+pub struct FieldFile {}
 
 fn options(size: u32) -> Options {
     Options {
@@ -66,10 +70,22 @@ impl Loader for MaskFile {
     }
 }
 
+impl Loader for FieldFile {
+    const VERSION: u32 = 1;
+    type Value = Field;
+
+    fn load(&self, file: &FileSource, _ctx: &Context) -> Result<Field, NodeError> {
+        let bytes = file
+            .read()
+            .map_err(|e| NodeError::because("the file cannot be read", e))?;
+        Field::decode(&bytes).map_err(|e| NodeError::new(e.to_string()))
+    }
+}
+
 /// Adds the value types of this crate and their loaders to a registry.
 pub fn register(registry: &mut gear_graph::Registry) {
     registry
         .loader::<ImageFile>()
         .loader::<MaskFile>()
-        .value::<crate::Field>();
+        .loader::<FieldFile>();
 }

@@ -15,55 +15,58 @@ pub fn back_hair(stage: &mut Stage) {
 }
 
 pub fn head(stage: &mut Stage) {
-    stage.add(ball([0.0, -0.322], [0.052, 0.062], 0.0, 0.062, 0.046), 0.9, |l| {
-        let p = Palette::court();
-        let (x, y) = (l.x, l.y);
-        let side = x.abs();
-        let nose = smoothstep(0.16, 0.0, (x * x + 0.35 * (y - 0.10) * (y - 0.10)).sqrt()) * smoothstep(0.42, 0.26, y);
-        let socket = smoothstep(
-            0.30,
-            0.0,
-            ((side - 0.40) * (side - 0.40) + 2.5 * (y + 0.04) * (y + 0.04)).sqrt(),
-        );
-        let chin = smoothstep(0.25, 0.0, (x * x + (y - 0.78) * (y - 0.78)).sqrt());
-        let cheek = smoothstep(
-            0.42,
-            0.05,
-            ((side - 0.52) * (side - 0.52) + (y - 0.32) * (y - 0.32)).sqrt(),
-        );
-        let mouth_lobe = |cx: f64, cy: f64, r: f64| ((x - cx) * (x - cx) + 2.2 * (y - cy) * (y - cy)).sqrt() / r;
-        let lips = mouth_lobe(-0.065, 0.485, 0.095)
-            .min(mouth_lobe(0.065, 0.485, 0.095))
-            .min(mouth_lobe(0.0, 0.545, 0.10));
-        let mut albedo: Colour = mix(p.skin, p.rouge, 0.55 * cheek);
-        albedo = mix(albedo, p.cinnabar, 0.92 * smoothstep(1.05, 0.85, lips));
-        // the flower mark between the brows
-        if let Some(mark) = blossom(x, y + 0.42, 0.10, 2.0, p.cinnabar, p.gold) {
-            albedo = mark;
-        }
-        let brow = stroke(side - 0.42, y + 0.34 - 0.25 * (side - 0.42), 0.20, 0.05, 0.075);
-        let lid = stroke(side - 0.40, y + 0.075 + 0.10 * (side - 0.40), 0.23, 0.10, 0.050);
-        let under = 0.45 * stroke(side - 0.40, y - 0.005 + 0.10 * (side - 0.40), 0.18, -0.045, 0.026);
-        let iris = smoothstep(
-            0.075,
-            0.05,
-            ((side - 0.40) * (side - 0.40) + (y + 0.035) * (y + 0.035)).sqrt(),
-        );
-        let wing = 0.55 * stroke(side - 0.10, y - 0.285, 0.055, -0.03, 0.030);
-        let bridge = 0.40 * stroke(y - 0.06, x - 0.085, 0.24, 0.02, 0.020);
-        let parting = 0.7 * stroke(x, y - 0.505, 0.15, -0.02, 0.020);
-        let double_chin = 0.35 * stroke(x, y - 0.80, 0.26, -0.05, 0.022);
-        let ink = brow
-            .max(lid)
-            .max(under)
-            .max(iris)
-            .max(wing)
-            .max(bridge)
-            .max(parting)
-            .max(double_chin);
-        let relief = 0.012 * nose - 0.006 * socket + 0.004 * chin + 0.003 * smoothstep(1.4, 0.5, lips);
-        Skin { albedo, relief, ink }
-    });
+    stage.add(ball([0.0, -0.322], [0.052, 0.062], 0.0, 0.062, 0.046), 0.9, face);
+}
+
+/// The face on an ellipsoid, in shares of its half axes.
+pub(crate) fn face(l: &Local) -> Skin {
+    let p = Palette::court();
+    let (x, y) = (l.x, l.y);
+    let side = x.abs();
+    let nose = smoothstep(0.16, 0.0, (x * x + 0.35 * (y - 0.10) * (y - 0.10)).sqrt()) * smoothstep(0.42, 0.26, y);
+    let socket = smoothstep(
+        0.30,
+        0.0,
+        ((side - 0.40) * (side - 0.40) + 2.5 * (y + 0.04) * (y + 0.04)).sqrt(),
+    );
+    let chin = smoothstep(0.25, 0.0, (x * x + (y - 0.78) * (y - 0.78)).sqrt());
+    let cheek = smoothstep(
+        0.42,
+        0.05,
+        ((side - 0.52) * (side - 0.52) + (y - 0.32) * (y - 0.32)).sqrt(),
+    );
+    let mouth_lobe = |cx: f64, cy: f64, r: f64| ((x - cx) * (x - cx) + 2.2 * (y - cy) * (y - cy)).sqrt() / r;
+    let lips = mouth_lobe(-0.065, 0.485, 0.095)
+        .min(mouth_lobe(0.065, 0.485, 0.095))
+        .min(mouth_lobe(0.0, 0.545, 0.10));
+    let mut albedo: Colour = mix(p.skin, p.rouge, 0.55 * cheek);
+    albedo = mix(albedo, p.cinnabar, 0.92 * smoothstep(1.05, 0.85, lips));
+    // the flower mark between the brows
+    if let Some(mark) = blossom(x, y + 0.42, 0.10, 2.0, p.cinnabar, p.gold) {
+        albedo = mark;
+    }
+    let brow = stroke(side - 0.42, y + 0.34 - 0.25 * (side - 0.42), 0.20, 0.05, 0.075);
+    let lid = stroke(side - 0.40, y + 0.075 + 0.10 * (side - 0.40), 0.23, 0.10, 0.050);
+    let under = 0.45 * stroke(side - 0.40, y - 0.005 + 0.10 * (side - 0.40), 0.18, -0.045, 0.026);
+    let iris = smoothstep(
+        0.075,
+        0.05,
+        ((side - 0.40) * (side - 0.40) + (y + 0.035) * (y + 0.035)).sqrt(),
+    );
+    let wing = 0.55 * stroke(side - 0.10, y - 0.285, 0.055, -0.03, 0.030);
+    let bridge = 0.40 * stroke(y - 0.06, x - 0.085, 0.24, 0.02, 0.020);
+    let parting = 0.7 * stroke(x, y - 0.505, 0.15, -0.02, 0.020);
+    let double_chin = 0.35 * stroke(x, y - 0.80, 0.26, -0.05, 0.022);
+    let ink = brow
+        .max(lid)
+        .max(under)
+        .max(iris)
+        .max(wing)
+        .max(bridge)
+        .max(parting)
+        .max(double_chin);
+    let relief = 0.012 * nose - 0.006 * socket + 0.004 * chin + 0.003 * smoothstep(1.4, 0.5, lips);
+    Skin { albedo, relief, ink }
 }
 
 fn strand(l: &Local, count: f64, strength: f64) -> Skin {

@@ -9,6 +9,9 @@ mod robe;
 mod shawl;
 mod skirt;
 
+pub(crate) use fan::hand;
+pub(crate) use head::face;
+
 use crate::random::smoothstep;
 use crate::shape::{Ellipsoid, Ends, Knot, Shape, Tube};
 use crate::stage::Stage;
@@ -16,11 +19,13 @@ use crate::stage::Stage;
 /// Width of a drawn fold line, world units.
 const FOLD_LINE: f64 = 0.0016;
 
-fn tube(knots: &[Knot], ends: Ends) -> Shape {
+/// A tube.
+pub(crate) fn tube(knots: &[Knot], ends: Ends) -> Shape {
     Shape::Tube(Tube::new(knots, ends))
 }
 
-fn ball(center: [f64; 2], radii: [f64; 2], turn: f64, depth: f64, z: f64) -> Shape {
+/// An ellipsoid, turned in the picture plane.
+pub(crate) fn ball(center: [f64; 2], radii: [f64; 2], turn: f64, depth: f64, z: f64) -> Shape {
     Shape::Ellipsoid(Ellipsoid {
         center,
         radii,

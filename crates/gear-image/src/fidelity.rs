@@ -1,11 +1,12 @@
-//! How well the front view shows the painting: PSNR and SSIM inside the mask, on encoded values.
+//! How well one picture shows another: PSNR and SSIM inside a mask, on encoded values.
 //!
 //! PSNR = 10 log₁₀(1/MSE) over all channels of all mask pixels. SSIM (Wang et al. 2004) is the mean over mask pixels
 //! and channels, with an 11 × 11 Gaussian window (σ 1.5) restricted to the mask and normalised there, so that what
-//! lies beyond the silhouette, which the scene is not asked to show, has no say.
+//! lies beyond the silhouette, which is not asked for, has no say.
 
-use gear_image::{Mask, SrgbImage};
 use rayon::prelude::*;
+
+use crate::{Mask, SrgbImage};
 
 /// What an error of zero is reported as, in dB: infinity has no place in JSON.
 pub const MAX_PSNR_DB: f64 = 120.0;
