@@ -169,7 +169,10 @@ fn every_node_type_of_the_shipped_graphs_is_pinned() {
     let pinned = read(&std::fs::read_to_string(path).unwrap());
     let registry = gear_cli::with_shipped(gear_cli::registry());
     let mut missing = Vec::new();
-    for shipped in gear_cli::shipped().iter().filter(|graph| !graph.name.starts_with("services/")) {
+    for shipped in gear_cli::shipped()
+        .iter()
+        .filter(|graph| !graph.name.starts_with("services/"))
+    {
         let graph = GraphSource::open(format!("@{}", shipped.name), &gear_cli::library())
             .unwrap()
             .check(&registry)

@@ -115,9 +115,10 @@ impl Command {
     pub fn needs_plugins(&self) -> bool {
         match self {
             Self::Run(_) | Self::Check(_) | Self::Plan(_) | Self::Why(_) | Self::Cache(_) | Self::Nodes(_) => true,
-            Self::Graph(_) | Self::Schema => true,
+            Self::Graph(_) | Self::Schema | Self::Study(_) | Self::Curve(_) | Self::Diff(_) => true,
+            Self::Stress(_) | Self::Snap(_) => true,
             Self::NewNode(_) | Self::Plugin(_) | Self::NewPlugin(_) => false,
-            Self::Graphs(_) | Self::Convert(_) | Self::Render(_) | Self::Sample(_) => false,
+            Self::Graphs(_) | Self::Convert(_) | Self::Render(_) | Self::Sample(_) | Self::Ballot(_) => false,
         }
     }
 }

@@ -390,6 +390,7 @@ mod tests {
             version: 1,
             doc: "Adds.",
             deterministic: true,
+            kept: true,
             numerics: Vec::new(),
             inputs: vec![port("number")],
             outputs: vec![port("sum")],
@@ -564,7 +565,7 @@ mod tests {
         };
         assert!(told(vec![]).contains("gave 0 outputs"));
         assert!(told(vec![None]).contains("did not give `sum`"));
-        let report = AnyValue::new(crate::Report::new(&1).unwrap());
+        let report = AnyValue::new(crate::Report::new(1).unwrap());
         assert!(told(vec![Some(report)]).contains("gave a Report as `sum`"));
     }
 }

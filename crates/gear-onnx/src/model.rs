@@ -189,7 +189,7 @@ mod tests {
 
     #[test]
     fn storing_loses_nothing_and_garbage_is_an_error() {
-        assert_codec::<Model>();
+        assert_codec::<Model>([]);
     }
 
     #[test]

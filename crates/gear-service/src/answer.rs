@@ -77,7 +77,8 @@ mod tests {
 
     fn disc(x0: f32, y0: f32, tone: f32) -> SrgbImage {
         SrgbImage::from_fn(96, 96, |x, y| {
-            let inside = (x as f32 - x0).powi(2) + (y as f32 - y0).powi(2) < 500.0;
+            let (dx, dy) = (x as f32 - x0, y as f32 - y0);
+            let inside = dx * dx + dy * dy < 500.0;
             if inside {
                 [tone, tone * 0.5, 0.2]
             } else {

@@ -13,11 +13,14 @@ use gear_service::testing::{Received, Reply, Server, Studio};
 use gear_service::{Asked, Edited, Editor, Endpoint, Kind, Policy, Service, Services};
 use serde_json::{Value, json};
 
+type Handler = dyn Fn(&Received) -> Reply + Send + Sync;
+
 const KEY: &str = "sk-very-secret-key";
 
 fn picture() -> SrgbImage {
     SrgbImage::from_fn(48, 40, |x, y| {
-        let inside = (x as f32 - 20.0).powi(2) + (y as f32 - 22.0).powi(2) < 150.0;
+        let (dx, dy) = (x as f32 - 20.0, y as f32 - 22.0);
+        let inside = dx * dx + dy * dy < 150.0;
         if inside { [0.7, 0.2, 0.1] } else { [0.9, 0.88, 0.8] }
     })
 }
@@ -222,7 +225,7 @@ fn an_answer_that_is_no_picture_of_ours_is_refused() {
         })
     });
     let wide = Studio::new(|_| SrgbImage::filled(400, 100, [0.5; 3]));
-    let cases: Vec<(Box<dyn Fn(&Received) -> Reply + Send + Sync>, &str)> = vec![
+    let cases: Vec<(Box<Handler>, &str)> = vec![
         (
             Box::new(|_| Reply::new(200, "text/html", "<html>login</html>")),
             "`text/html` that is no JSON",

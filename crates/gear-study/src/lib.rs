@@ -4,20 +4,20 @@
 //! Nothing here knows a node: a registry and a graph are given, and outputs are compared by the norms that their value
 //! types have.
 
+pub mod ballot;
 pub mod curve;
 pub mod diff;
 pub mod norms;
 mod overlay;
+pub mod planes;
+mod random;
 mod read;
+pub mod snap;
 pub mod stats;
+pub mod stress;
 pub mod study;
 #[cfg(test)]
 mod testing;
-pub mod ballot;
-pub mod planes;
-mod random;
-pub mod snap;
-pub mod stress;
 
 /// YAML text as JSON, such as the value behind `--set PARAM=`.
 pub fn yaml(text: &str) -> Result<serde_json::Value, String> {

@@ -63,6 +63,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let inputs = In {
         image: picture,
         mask: Arc::new(mask),
+        model: None,
     };
     let made = testing::run(&Reconstruct::default(), inputs)?;
     println!("Reconstruct: {:.2} s", start.elapsed().as_secs_f64());

@@ -17,7 +17,7 @@ pub mod render;
 pub mod run;
 pub mod sample;
 pub mod schema;
-pub mod study;
 pub mod snap;
 pub mod stress;
+pub mod study;
 pub mod why;

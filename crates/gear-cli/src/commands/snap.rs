@@ -73,6 +73,7 @@ pub fn snap(args: &SnapArgs, registry: &Registry, console: &Console) -> Result<E
         cache_nondeterministic: false,
         device: args.device.clone(),
         no_elision: false,
+        onnxruntime: None,
     };
     let store = open_store(&plan, console);
     let graph = open(&plan, registry, store.as_deref(), console)?.into_snapshots();

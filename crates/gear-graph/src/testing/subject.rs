@@ -9,6 +9,9 @@ use crate::{
     tagged,
 };
 
+/// Digests of a node's outputs, or its error.
+type Answered = Result<Vec<Option<Digest>>, String>;
+
 /// A node with its parameters, under test.
 #[derive(Clone)]
 pub struct Subject {
@@ -92,7 +95,7 @@ impl Subject {
 
     /// Its answers to the first extreme cases that the types of its inputs declare: what each case is, and the digests of
     /// the outputs or the error. To be compared with those of another process, or another machine.
-    pub fn answers(&self, most: usize) -> Vec<(String, Result<Vec<Option<Digest>>, String>)> {
+    pub fn answers(&self, most: usize) -> Vec<(String, Answered)> {
         let cases = super::cases::together(&self.spec.inputs);
         let answer = |case: super::cases::Case| {
             let run = self.run(case.inputs, &self.want(|_| true), &Context::detached());

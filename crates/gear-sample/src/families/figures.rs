@@ -114,7 +114,7 @@ fn standing(stage: &mut Stage, dice: Dice, wear: &Wear) {
             |_| Skin::plain(Palette::court().lac),
         );
     }
-    back_hair(stage, [1.2 * sway, -0.318], wear.hair);
+    back_hair(stage, [1.2 * sway, -0.32], wear.hair);
     let hips = dice.between("hips", 0.098, 0.125);
     let skirt = [
         knot(0.6 * sway, -0.155, 0.088, 0.062, 0.0),
@@ -520,7 +520,7 @@ fn enthroned(stage: &mut Stage, dice: Dice, wear: &Wear) {
             },
         );
     }
-    back_hair(stage, [0.0, -0.318 + up], wear.hair);
+    back_hair(stage, [0.0, -0.32 + up], wear.hair);
     throne(stage, dice);
     // the robe over the hips, then the crossed legs before it
     let trunk = [
@@ -648,7 +648,7 @@ fn dancing(stage: &mut Stage, dice: Dice, wear: &Wear) {
         knot(0.9 * lean, -0.155, 0.084, 0.062, 0.0),
         knot(-0.3 * lean, -0.02, 0.108, 0.080, 0.0),
         knot(-1.2 * lean, 0.13, 0.135, 0.094, 0.0),
-        knot(-1.0 * lean, 0.28, 0.45 * hem + 0.08, 0.108, 0.0),
+        knot(-lean, 0.28, 0.45 * hem + 0.08, 0.108, 0.0),
         knot(-0.6 * lean, 0.375, hem, 0.118, 0.0),
     ];
     let pleats = folds(dice, "skirt", wear, [9.0, 15.0], [0.09, 0.14], [0.0, 0.45]);

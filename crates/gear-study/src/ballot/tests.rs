@@ -179,7 +179,7 @@ fn who_answers_again_counts_once_and_strangers_are_refused() {
     assert_eq!((counted.persons, counted.notes.len()), (1, 1));
     let (other, _) = draw(&cases, &methods(), 6, 3);
     assert!(matches!(
-        tally(&other, &[first.clone()]),
+        tally(&other, std::slice::from_ref(&first)),
         Err(BallotError::Foreign { .. })
     ));
     let mut forged = first;

@@ -333,12 +333,15 @@ mod tests {
     #[test]
     fn an_error_is_a_share_of_the_largest_number_or_of_one() {
         let small = plane("a", &[0.5, 0.25]);
-        assert_eq!(error(&[small.clone()], &[plane("a", &[0.5, 0.75])]), 0.5);
+        assert_eq!(error(std::slice::from_ref(&small), &[plane("a", &[0.5, 0.75])]), 0.5);
         assert_eq!(error(&[plane("a", &[100.0, 0.0])], &[plane("a", &[100.0, 1.0])]), 0.01);
         let nan = plane("a", &[f64::NAN, f64::INFINITY]);
-        assert_eq!(error(std::slice::from_ref(&nan), &[nan.clone()]), 0.0);
-        assert_eq!(error(&[small.clone()], &[nan]), f64::INFINITY);
-        assert_eq!(error(&[small.clone()], &[plane("b", &[0.5, 0.25])]), f64::INFINITY);
+        assert_eq!(error(std::slice::from_ref(&nan), std::slice::from_ref(&nan)), 0.0);
+        assert_eq!(error(std::slice::from_ref(&small), &[nan]), f64::INFINITY);
+        assert_eq!(
+            error(std::slice::from_ref(&small), &[plane("b", &[0.5, 0.25])]),
+            f64::INFINITY
+        );
         assert_eq!(error(&[small], &[plane("a", &[0.5])]), f64::INFINITY);
     }
 

@@ -103,12 +103,16 @@ pub fn reconstruct(sample: &Sample, mask: &Mask, few: bool) -> Vec<(Variant, Rel
 /// The chain of the main graph from the painting and its mask to the illumination ratio.
 fn ratio(painting: &Arc<Image>, mask: &Mask) -> Arc<Field> {
     let image = painting.clone();
-    let edges = testing::run(&node_edge_detect::EdgeDetect::default(), node_edge_detect::In { image });
+    let edges = testing::run(
+        &node_edge_detect::EdgeDetect::default(),
+        node_edge_detect::In { image, model: None },
+    );
     let edges = edges.expect("a sample has edges").edges;
     let inputs = node_translate::In {
         image: painting.clone(),
         edges: Lazy::given(edges.clone()),
         mask: Lazy::given(Arc::new(mask.clone())),
+        model: None,
     };
     let translated = testing::run(&node_translate::Translate::default(), inputs).expect("a sample can be translated");
     let inputs = node_log_ratio::In {

@@ -109,6 +109,7 @@ pub fn spec(draft: &Draft) -> NodeSpec {
         version: 1,
         doc: kept(draft.doc()),
         deterministic: true,
+        kept: true,
         numerics,
         inputs: draft.inputs.iter().map(|p| port(p, false)).collect(),
         outputs: draft.outputs.iter().map(|p| port(p, true)).collect(),

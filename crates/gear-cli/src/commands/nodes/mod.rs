@@ -95,12 +95,18 @@ fn describe(spec: &NodeSpec) -> String {
         let _ = writeln!(text, "  {}", line.trim());
     }
     if let Some(plugin) = spec.plugin {
-        let _ = writeln!(text, "
-  A node of the plugin {plugin}.");
+        let _ = writeln!(
+            text,
+            "
+  A node of the plugin {plugin}."
+        );
     }
     if let Some(remark) = not_deterministic(spec) {
-        let _ = writeln!(text, "
-  {remark}");
+        let _ = writeln!(
+            text,
+            "
+  {remark}"
+        );
     }
     ports(&mut text, "inputs", &spec.inputs, true);
     ports(&mut text, "outputs", &spec.outputs, false);

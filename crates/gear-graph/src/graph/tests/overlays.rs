@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::*;
-use crate::graph::{Library, Norm};
+use crate::graph::{Library, Norm, snapshots};
 use crate::run::tests::kit::Shelf;
 
 const BASE: &str = "gear: 1
@@ -73,24 +73,18 @@ snapshots: {a: {tolerance: 2, size: 9}, b: choose.chosen, c: null}
         .iter()
         .map(|s| (s.name.as_str(), graph.snapshot_source(s), s.norm, s.tolerance, s.size))
         .collect();
-    let norm = crate::graph::snapshots::NORM;
+    let norm = snapshots::NORM;
     assert_eq!(
         told,
         [
             ("a", "first.sum".to_owned(), norm, 2.0, 9),
-            (
-                "b",
-                "choose.chosen".to_owned(),
-                Norm::Max,
-                0.5,
-                crate::graph::snapshots::SIZE
-            ),
+            ("b", "choose.chosen".to_owned(), Norm::Max, 0.5, snapshots::SIZE),
         ]
     );
     let keys = |graph: &Graph| {
-        let run = crate::Run::new(graph)
-            .input_value("x", crate::Number(1.0))
-            .input_value("y", crate::Number(2.0));
+        let run = Run::new(graph)
+            .input_value("x", Number(1.0))
+            .input_value("y", Number(2.0));
         let report = run.go().unwrap().report;
         let ports = report
             .nodes
