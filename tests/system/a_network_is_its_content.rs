@@ -45,7 +45,7 @@ fn moving_it_changes_nothing_and_its_declaration_is_part_of_it() {
     let desk = Desk::new();
     desk.file("a.onnx", onnx(&Net::Edges));
     desk.file("a.yaml", Net::Edges.declaration());
-    assert_eq!(ran(&desk, &["--input", "lines=a.onnx"]), ["painting", "lines", "edges"]);
+    assert_eq!(ran(&desk, &["--input", "lines=a.onnx"]), ["edges", "lines", "painting"]);
     desk.file("b.onnx", onnx(&Net::Edges));
     desk.file("b.yaml", Net::Edges.declaration());
     assert_eq!(ran(&desk, &["--input", "lines=b.onnx"]), [""; 0]);
@@ -56,7 +56,7 @@ fn moving_it_changes_nothing_and_its_declaration_is_part_of_it() {
         "read again, and the same"
     );
     desk.file("b.yaml", "network: 1\nlicence: own\nwhite: 255\nanswer: edges\n");
-    assert_eq!(ran(&desk, &["--input", "lines=b.onnx"]), ["lines", "edges"]);
+    assert_eq!(ran(&desk, &["--input", "lines=b.onnx"]), ["edges", "lines"]);
     let record = std::fs::read_to_string(desk.path("out/run.json")).unwrap();
     assert!(record.contains("ort:1."), "the realm is in the record");
 }
@@ -65,7 +65,7 @@ fn moving_it_changes_nothing_and_its_declaration_is_part_of_it() {
 fn an_embedded_method_has_the_same_key_with_and_without_it() {
     let desk = Desk::new();
     let embedded = ["--set", "edges.method=canny"];
-    assert_eq!(ran(&desk, &embedded), ["painting", "edges"]);
+    assert_eq!(ran(&desk, &embedded), ["edges", "painting"]);
     desk.file("a.onnx", onnx(&Net::Edges));
     desk.file("a.yaml", Net::Edges.declaration());
     assert_eq!(

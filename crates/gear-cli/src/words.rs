@@ -6,6 +6,7 @@ pub fn caption(node_type: &str, port: &str, doc: &str) -> String {
         ("EdgeDetect", "edges") => "Contours; white where they are strong.",
         ("Foreground", "mask") => "The mask; white is the figure. All white: the whole canvas is the subject.",
         ("Translate", "image") => "The painting translated into a style that shows light and shape.",
+        ("TranslateService", "image") => "The painting as a service translated it, to show light and shape.",
         ("LogRatio", "ratio") => "Its light: red is brighter than the mean, blue is darker.",
         ("LogRatio", "smooth") => "The same light, averaged over a window.",
         ("Pyramid", "ratio") => "The light gathered from coarse and fine scales, kept within contours.",

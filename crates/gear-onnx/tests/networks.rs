@@ -26,7 +26,7 @@ fn ask(model: &Model) -> Result<Vec<Field>, OnnxError> {
 }
 
 fn told(model: &Model) -> String {
-    let message = ask(model).unwrap_err().to_string();
+    let message = ask(model).expect_err("it is refused").to_string();
     assert!(!message.contains('\n'), "{message}");
     message
 }

@@ -190,7 +190,8 @@ fn node_parts(spec: &NodeSpec, overlay: bool) -> Value {
     let mut wires = json!({
         "type": if needed.is_empty() { json!(["object", "null"]) } else { json!("object") },
         "properties": ports,
-        "additionalProperties": false,
+        // An overlay that puts another type of node in a place takes away the wires that this one has no port for.
+        "additionalProperties": if overlay { json!({"type": "null"}) } else { json!(false) },
     });
     let mut schema = json!({});
     let mut required = Vec::new();
