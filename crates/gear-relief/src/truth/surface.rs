@@ -222,11 +222,13 @@ mod tests {
 
     #[test]
     fn detail_is_what_is_fine_and_its_sign_counts() {
-        let truth = dome(1.0, 0.0, 0.01);
-        assert!(surface_error(&dome(0.8, 0.0, 0.01), &truth).detail.unwrap() > 0.9);
-        let turned_round = surface_error(&dome(1.0, 0.0, -0.03), &dome(1.0, 0.0, 0.03));
+        // Waves well above what the rim of the dome leaves in the fine scales.
+        let truth = dome(1.0, 0.0, 0.03);
+        assert!(surface_error(&dome(0.8, 0.0, 0.03), &truth).detail.unwrap() > 0.9);
+        let turned_round = surface_error(&dome(1.0, 0.0, -0.03), &truth);
         assert!(turned_round.detail.unwrap() < -0.8, "{turned_round:?}");
-        assert!(surface_error(&dome(1.0, 0.0, 0.0), &truth).detail.unwrap().abs() < 0.2);
+        let smooth = surface_error(&dome(1.0, 0.0, 0.0), &truth).detail.unwrap();
+        assert!(smooth.abs() < 0.5, "the rim alone explains little: {smooth}");
     }
 
     #[test]

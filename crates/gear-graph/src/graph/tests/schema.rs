@@ -167,7 +167,7 @@ outputs: {z: null}
     assert_eq!(judge.objects(&json(over).unwrap()), None);
     for (from, to) in [
         ("node: Choose", "node: Chose"),
-        ("{b: null}", "{d: null}"),
+        ("{b: null}", "{d: x}"),
         ("threshold: null", "treshold: null"),
         ("first: null", "first: 3"),
         ("extends: '@gear'", "extends: [gear]"),
