@@ -5,7 +5,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | [`file`] | the file, checked completely before anything runs |
+//! | [`mod@file`] | the file, checked completely before anything runs |
 //! | [`run`] | timing |
 //! | [`table`] | the CSV; programs that measure kernels write the same |
 //! | [`front`] | which points are on the Pareto front, and how far from it the default is |

@@ -3,7 +3,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | [`record`] | what `run.json` says, as far as it is compared |
-//! | [`compare`] | the comparison of two records |
+//! | [`mod@compare`] | the comparison of two records |
 //! | [`outputs`] | values from the stores or the output folders, and how far apart they are |
 //! | [`text`] | the comparison for people |
 

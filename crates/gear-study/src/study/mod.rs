@@ -13,7 +13,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | [`file`] | the file, checked completely before anything runs |
+//! | [`mod@file`] | the file, checked completely before anything runs |
 //! | [`cases`], [`manifest`] | what the graphs are run on |
 //! | [`share`] | which nodes of which variants are one and the same |
 //! | [`run`] | plans and runs |
