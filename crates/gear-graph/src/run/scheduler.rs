@@ -62,8 +62,9 @@ const KEEP_FIRST: usize = 256 << 20;
 /// Bytes of records that are gathered before they are appended to the log, and how long they may wait.
 const FLUSH_BYTES: usize = 1 << 18;
 const FLUSH_AFTER: Duration = Duration::from_millis(200);
-/// How often a node that takes long may keep its unfinished state: a few dozen MB, so a few hundredths of the time.
-const KEEP_UNFINISHED_EVERY: Duration = Duration::from_secs(5);
+/// How often a node that takes long may keep its unfinished state. A state of tens of megabytes is encoded, hashed and
+/// written by the thread that works on it; at one every five seconds it cost the main job more than a second.
+const KEEP_UNFINISHED_EVERY: Duration = Duration::from_secs(20);
 
 /// What the coordinator wakes for.
 enum Message {
