@@ -8,7 +8,6 @@ from a diffusion model inside.
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from argparse import ArgumentParser
 from functools import lru_cache
@@ -29,19 +28,12 @@ def states() -> dict:
 @lru_cache(maxsize=1)
 def original():
     """The parts of the original code that are used."""
-    repo = os.environ.get("GAUSSIAN_EDITOR_REPO")
-    if repo:
-        sys.path.insert(0, repo)
-    try:
+    how = "clone it with its submodules, install requirements.txt and its two extensions"
+    with weights.importing("GaussianEditor", "GAUSSIAN_EDITOR_REPO", how):
         from gaussiansplatting.arguments import OptimizationParams, PipelineParams
         from gaussiansplatting.gaussian_renderer import render
         from gaussiansplatting.scene.cameras import Simple_Camera
         from gaussiansplatting.scene.gaussian_model import GaussianModel
-    except ImportError as error:
-        raise NodeFailure(
-            f"GaussianEditor cannot be imported ({error}); clone it with its submodules, install requirements.txt and its two "
-            "extensions, and set GAUSSIAN_EDITOR_REPO to the folder"
-        ) from error
     return GaussianModel, Simple_Camera, render, PipelineParams, OptimizationParams
 
 

@@ -10,13 +10,14 @@ mirror image, which have nearly one silhouette. Pictures are small, since this a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Optional, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
 
-from .context import NodeFailure
+from .context import Context, NodeFailure
 from .geometry import about_y, moved
-from .values import Camera, Scene
+from .params import number, or_auto
+from .values import Camera, Image, Mask, Report, Scene
 
 SIDE = 96
 """Longer side of the pictures that are compared."""
@@ -26,6 +27,18 @@ COLOUR = 0.3
 
 VISIBLE = 0.3
 """A Gaussian less opaque than this makes no silhouette."""
+
+COVERED = 0.5
+"""With less overlap than this the user is told that the front may be another side."""
+
+YAW = or_auto(number(None, "By how much the object is turned to face the viewer; auto finds it.", min=-180, max=180, unit="degrees"))
+"""The parameter of a node that places its scene."""
+
+OUTPUTS = {
+    "scene": (Scene, "The object, placed so that it shows the painting under its camera."),
+    "report": (Report, "How it was placed: direction, scale, overlap of silhouette and mask; number of Gaussians."),
+}
+"""The outputs of a node that places its scene, as :func:`placed` gives them."""
 
 
 @dataclass
@@ -124,3 +137,13 @@ def place(scene: Scene, mask: np.ndarray, rgb: np.ndarray, yaw: Optional[float] 
     depth = -factor * float(np.median((centers @ about_y(yaw).T)[:, 2]))
     placed = moved(scene, about_y(yaw), factor, np.array([offset[0], -offset[1], depth]))
     return Fit(replace(placed, camera=Camera.front(width, height)), yaw, factor, iou)
+
+
+def placed(ctx: Context, scene: Scene, image: Image, mask: Mask, yaw: Any) -> Dict[str, Any]:
+    """The :data:`OUTPUTS` of a node whose network made `scene` of the figure in a picture; `yaw` is the parameter
+    :data:`YAW`. A silhouette that covers the mask badly is told."""
+    fit = place(scene, mask.inside, image.rgb, None if yaw == "auto" else float(yaw))
+    if fit.iou < COVERED:
+        ctx.note(f"the silhouette covers the mask badly (overlap {fit.iou:.2f}); the front may be another side")
+    report = {"gaussians": len(scene), "yaw_degrees": fit.yaw, "scale": fit.scale, "silhouette_iou": fit.iou}
+    return {"scene": fit.scene, "report": Report(report)}

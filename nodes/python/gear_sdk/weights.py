@@ -1,12 +1,17 @@
-"""What a plugin states of the weights that it runs with, without reading all of them at every start."""
+"""Code and weights that a plugin runs with and does not bring: where the code is imported from, and what the plugin states
+of both, without reading all of the weights at every start."""
 
 from __future__ import annotations
 
 import hashlib
 import importlib.metadata
 import os
+import sys
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Dict
+from typing import Dict, Iterator
+
+from .context import NodeFailure
 
 _BLOCK = 1 << 16
 _BLOCKS = 64
@@ -55,6 +60,19 @@ def model(name: str) -> str:
     reference = Path(cache) / ("models--" + name.replace("/", "--")) / "refs" / "main"
     commit = reference.read_text().strip() if reference.is_file() else "not downloaded"
     return f"{name}@{commit}"
+
+
+@contextmanager
+def importing(name: str, variable: str, how: str) -> Iterator[None]:
+    """Around imports of code that is cloned, and not installed: the folder that the environment variable names is looked in
+    first, and what cannot be imported fails the node with `how` to get it."""
+    folder = os.environ.get(variable)
+    if folder and folder not in sys.path:
+        sys.path.insert(0, folder)
+    try:
+        yield
+    except ImportError as error:
+        raise NodeFailure(f"{name} cannot be imported ({error}); {how}, and set {variable} to its folder") from error
 
 
 def checkout(folder: "str | None") -> str:

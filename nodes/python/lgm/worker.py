@@ -7,14 +7,13 @@ are made by ImageDream (P. Wang, Y. Shi, 2023).
 from __future__ import annotations
 
 import os
-import sys
 from functools import lru_cache
 
 import numpy as np
 
-from gear_sdk import Annotated, Context, Image, Mask, NodeFailure, Plugin, Report, Scene, integer, number, or_auto, weights
+from gear_sdk import Annotated, Context, Image, Mask, NodeFailure, Plugin, integer, number, weights
 from gear_sdk.cutout import centred
-from gear_sdk.pose import place
+from gear_sdk.pose import OUTPUTS, YAW, placed
 
 plugin = Plugin("lgm")
 
@@ -38,20 +37,12 @@ def states() -> dict:
 @lru_cache(maxsize=1)
 def models():
     """LGM, the rays that go with its four cameras, and ImageDream."""
-    repo = os.environ.get("LGM_REPO")
-    if repo:
-        sys.path.insert(0, repo)
-    try:
+    with weights.importing("LGM", "LGM_REPO", "clone it, install requirements.txt and its rasteriser"):
         import torch
         from core.models import LGM
         from core.options import config_defaults
         from mvdream.pipeline_mvdream import MVDreamPipeline
         from safetensors.torch import load_file
-    except ImportError as error:
-        raise NodeFailure(
-            f"LGM cannot be imported ({error}); clone it, install requirements.txt and its rasteriser, and set LGM_REPO to "
-            "the folder"
-        ) from error
     checkpoint = WEIGHTS
     if not os.path.isfile(checkpoint):
         from huggingface_hub import hf_hub_download
@@ -93,13 +84,7 @@ def gaussians(model, rays, views: np.ndarray) -> np.ndarray:
         return model.forward_gaussians(inputs)[0].float().cpu().numpy()
 
 
-@plugin.node(
-    outputs={
-        "scene": (Scene, "The object, placed so that it shows the painting under its camera."),
-        "report": (Report, "How it was placed: direction, scale, overlap of silhouette and mask; number of Gaussians."),
-    },
-    deterministic=False,
-)
+@plugin.node(outputs=OUTPUTS, deterministic=False)
 def Lgm(
     ctx: Context,
     image: Annotated[Image, "The picture of the object."],
@@ -108,7 +93,7 @@ def Lgm(
     seed: int = integer(42, "Seed of the four views.", min=0, max=2147483647),
     steps: int = integer(30, "Steps of the sampler of the four views.", min=1, max=200),
     guidance: float = number(5.0, "How closely the four views follow the picture.", min=0, max=30),
-    yaw: object = or_auto(number(None, "By how much the object is turned to face the viewer; auto finds it.", min=-180, max=180, unit="degrees")),
+    yaw: object = YAW,
 ):
     """LGM: an object in 3D from one picture.
 
@@ -122,12 +107,7 @@ def Lgm(
     ctx.progress(0.8, "Gaussians")
     from convert import from_memory
 
-    scene = from_memory(gaussians(model, rays, views))
-    fit = place(scene, mask.inside, image.rgb, None if yaw == "auto" else float(yaw))
-    if fit.iou < 0.5:
-        ctx.note(f"the silhouette covers the mask badly (overlap {fit.iou:.2f}); the front may be another side")
-    report = {"gaussians": len(scene), "yaw_degrees": fit.yaw, "scale": fit.scale, "silhouette_iou": fit.iou}
-    return {"scene": fit.scene, "report": Report(report)}
+    return placed(ctx, from_memory(gaussians(model, rays, views)), image, mask, yaw)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import inspect
 import os
-import sys
 from functools import lru_cache
 
 from gear_sdk import Annotated, Context, Image, Mask, NodeFailure, Plugin, Scene, number, weights
@@ -29,15 +28,10 @@ def predictor():
     repo = os.environ.get("SPLATTER_IMAGE_REPO")
     if not repo:
         raise NodeFailure("set SPLATTER_IMAGE_REPO to the folder where Splatter Image was cloned")
-    sys.path.insert(0, repo)
-    try:
+    with weights.importing("Splatter Image", "SPLATTER_IMAGE_REPO", "clone it, install requirements.txt and its rasteriser"):
         import torch
         from omegaconf import OmegaConf
         from scene.gaussian_predictor import GaussianSplatPredictor
-    except ImportError as error:
-        raise NodeFailure(
-            f"Splatter Image cannot be imported ({error}); clone it and install requirements.txt, and its rasteriser"
-        ) from error
     config = OmegaConf.load(os.path.join(repo, "gradio_config.yaml"))
     if config.model.inverted_x or not config.model.inverted_y:
         raise NodeFailure("the configuration turns the axes otherwise than that of all categories; use gradio_config.yaml")

@@ -8,6 +8,7 @@ import tempfile
 import unittest
 from pathlib import Path
 from typing import List, Optional
+from unittest import mock
 
 import numpy as np
 
@@ -200,6 +201,18 @@ class Conversation(unittest.TestCase):
 
 
 class Weights(unittest.TestCase):
+    def test_code_that_is_cloned_is_found_or_told_how_to_get(self):
+        with tempfile.TemporaryDirectory() as folder, mock.patch.dict(os.environ), mock.patch.object(sys, "path", sys.path[:]):
+            Path(folder, "a_cloned_module.py").write_text("answer = 42")
+            os.environ.pop("CLONE", None)
+            with self.assertRaisesRegex(NodeFailure, "Cloned cannot be imported .*clone it, and set CLONE to its folder"):
+                with weights.importing("Cloned", "CLONE", "clone it"):
+                    import a_cloned_module
+            os.environ["CLONE"] = folder
+            with weights.importing("Cloned", "CLONE", "clone it"):
+                import a_cloned_module
+            self.assertEqual(a_cloned_module.answer, 42)
+
     def test_content_is_told_apart_and_place_is_not(self):
         with tempfile.TemporaryDirectory() as folder:
             a, b = Path(folder, "a"), Path(folder, "b")

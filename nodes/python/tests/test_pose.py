@@ -4,9 +4,9 @@ import unittest
 
 import numpy as np
 
-from gear_sdk import NodeFailure, Scene
+from gear_sdk import Context, Image, Mask, NodeFailure, Scene
 from gear_sdk.geometry import about_y, from_matrix, moved, multiply, to_matrix
-from gear_sdk.pose import _picture, place
+from gear_sdk.pose import OUTPUTS, _picture, place, placed
 from gear_sdk.values import SH_C0
 
 
@@ -74,6 +74,15 @@ class Placing(unittest.TestCase):
     def test_a_given_direction_is_kept(self):
         mask, rgb = painted(figure(), 100, 100, 70.0, [50.0, 50.0])
         self.assertEqual(place(figure(), mask, rgb, yaw=0.0).yaw, 0.0)
+
+    def test_a_silhouette_that_covers_the_mask_badly_is_told(self):
+        mask, rgb = painted(figure(), 100, 100, 70.0, [50.0, 50.0])
+        for shown, notes in ((mask, 0), (np.eye(100, dtype=bool), 1)):
+            ctx = Context()
+            out = placed(ctx, figure(), Image(rgb.astype(np.float32)), Mask(shown), 0.0)
+            self.assertEqual((out.keys(), len(ctx.notes)), (OUTPUTS.keys(), notes))
+            self.assertEqual((out["report"].value["yaw_degrees"], out["report"].value["gaussians"]), (0.0, 4000))
+        self.assertIn("overlap", ctx.notes[0])
 
     def test_nothing_to_place_by_is_told(self):
         with self.assertRaisesRegex(NodeFailure, "no pixel inside"):

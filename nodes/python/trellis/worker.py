@@ -6,14 +6,13 @@ J. Xiang et al., "Structured 3D Latents for Scalable and Versatile 3D Generation
 from __future__ import annotations
 
 import os
-import sys
 from functools import lru_cache
 
 import numpy as np
 
-from gear_sdk import Annotated, Context, Image, Mask, NodeFailure, Plugin, Report, Scene, integer, number, or_auto, weights
+from gear_sdk import Annotated, Context, Image, Mask, Plugin, integer, number, weights
 from gear_sdk.cutout import centred
-from gear_sdk.pose import place
+from gear_sdk.pose import OUTPUTS, YAW, placed
 
 plugin = Plugin("trellis")
 
@@ -27,28 +26,14 @@ def states() -> dict:
 
 @lru_cache(maxsize=1)
 def pipeline():
-    repo = os.environ.get("TRELLIS_REPO")
-    if repo:
-        sys.path.insert(0, repo)
-    try:
+    with weights.importing("TRELLIS", "TRELLIS_REPO", "clone it with its submodules, install what its setup.sh installs"):
         from trellis.pipelines import TrellisImageTo3DPipeline
-    except ImportError as error:
-        raise NodeFailure(
-            f"TRELLIS cannot be imported ({error}); clone it with its submodules, install what its setup.sh installs, and "
-            "set TRELLIS_REPO to the folder"
-        ) from error
     loaded = TrellisImageTo3DPipeline.from_pretrained(WEIGHTS)
     loaded.cuda()
     return loaded
 
 
-@plugin.node(
-    outputs={
-        "scene": (Scene, "The object, placed so that it shows the painting under its camera."),
-        "report": (Report, "How it was placed: direction, scale, overlap of silhouette and mask; number of Gaussians."),
-    },
-    deterministic=False,
-)
+@plugin.node(outputs=OUTPUTS, deterministic=False)
 def Trellis(
     ctx: Context,
     image: Annotated[Image, "The picture of the object."],
@@ -59,7 +44,7 @@ def Trellis(
     structure_guidance: float = number(7.5, "How closely the structure follows the picture.", min=0, max=30),
     latent_steps: int = integer(12, "Steps of the sampler of the latents.", min=1, max=200),
     latent_guidance: float = number(3.0, "How closely the latents follow the picture.", min=0, max=30),
-    yaw: object = or_auto(number(None, "By how much the object is turned to face the viewer; auto finds it.", min=-180, max=180, unit="degrees")),
+    yaw: object = YAW,
 ):
     """TRELLIS: an object in 3D from one picture.
 
@@ -84,12 +69,7 @@ def Trellis(
     ctx.progress(0.9, "placing")
     from convert import Raw, from_memory
 
-    scene = from_memory(Raw.of(outputs["gaussian"][0]))
-    fit = place(scene, mask.inside, image.rgb, None if yaw == "auto" else float(yaw))
-    if fit.iou < 0.5:
-        ctx.note(f"the silhouette covers the mask badly (overlap {fit.iou:.2f}); the front may be another side")
-    report = {"gaussians": len(scene), "yaw_degrees": fit.yaw, "scale": fit.scale, "silhouette_iou": fit.iou}
-    return {"scene": fit.scene, "report": Report(report)}
+    return placed(ctx, from_memory(Raw.of(outputs["gaussian"][0])), image, mask, yaw)
 
 
 if __name__ == "__main__":
