@@ -55,6 +55,8 @@ pub struct Param<'a> {
     pub doc: String,
     pub default: Option<TokenStream>,
     pub limits: TokenStream,
+    /// Whether the field is a struct of parameters that stand beside the others.
+    pub flatten: bool,
 }
 
 impl<'a> Param<'a> {
@@ -64,6 +66,7 @@ impl<'a> Param<'a> {
         let mut range = None;
         let (mut above, mut below) = (None, None);
         let mut unit = None;
+        let mut flatten = false;
         for attribute in field.attrs.iter().filter(|a| a.path().is_ident("param")) {
             attribute.parse_nested_meta(|meta| {
                 if meta.path.is_ident("default") {
@@ -78,13 +81,33 @@ impl<'a> Param<'a> {
                     unit = Some(meta.value()?.parse::<LitStr>()?);
                 } else if meta.path.is_ident("name") {
                     name = meta.value()?.parse::<LitStr>()?.value();
+                } else if meta.path.is_ident("flatten") {
+                    flatten = true;
                 } else {
-                    return Err(meta.error("expected `default`, `range`, `above`, `below`, `unit` or `name`"));
+                    return Err(
+                        meta.error("expected `default`, `range`, `above`, `below`, `unit`, `name` or `flatten`")
+                    );
                 }
                 Ok(())
             })?;
         }
         let ty = &field.ty;
+        if flatten {
+            if default.is_some() || range.is_some() || above.is_some() || below.is_some() || unit.is_some() {
+                return Err(syn::Error::new_spanned(
+                    field,
+                    "`flatten` stands alone: the parameters of the struct have their own attributes",
+                ));
+            }
+            return Ok(Self {
+                doc: String::new(),
+                field,
+                name,
+                default: Some(quote!(<#ty as ::core::default::Default>::default())),
+                limits: TokenStream::new(),
+                flatten,
+            });
+        }
         let default = match default {
             Some(expr) => Some(quote!(#expr)),
             None if is_option(ty) => Some(quote!(::core::option::Option::None)),
@@ -110,13 +133,17 @@ impl<'a> Param<'a> {
             name,
             default,
             limits,
+            flatten,
         })
     }
 
-    /// An expression of type `ParamSpec`.
+    /// A statement that adds its `ParamSpec`s to `specs`.
     pub fn spec(&self) -> TokenStream {
         let Self { name, doc, limits, .. } = self;
         let ty = &self.field.ty;
+        if self.flatten {
+            return quote!(specs.extend(<#ty as ::gear_graph::Params>::specs()););
+        }
         let default = match &self.default {
             Some(expr) => quote!(::core::option::Option::Some({
                 let default: #ty = #expr;
@@ -124,24 +151,36 @@ impl<'a> Param<'a> {
             })),
             None => quote!(::core::option::Option::None),
         };
-        quote!(::gear_graph::ParamSpec {
+        quote!(specs.push(::gear_graph::ParamSpec {
             name: #name,
             doc: #doc,
             kind: <#ty as ::gear_graph::Param>::kind(),
             limits: #limits,
             default: #default,
-        })
+        });)
     }
 
     /// An expression that reads the field from `fields`, of type `Option<ty>`.
     pub fn read(&self) -> TokenStream {
         let Self { name, limits, .. } = self;
         let ty = &self.field.ty;
+        if self.flatten {
+            return quote!(<#ty as ::gear_graph::Params>::take(fields));
+        }
         let default = match &self.default {
             Some(expr) => quote!(::core::option::Option::Some({ let default: #ty = #expr; default })),
             None => quote!(::core::option::Option::None),
         };
         quote!(fields.take::<#ty>(#name, &#limits, #default))
+    }
+
+    /// A statement that adds `value`, a reference to the field, to `values`.
+    pub fn write(&self, value: &TokenStream) -> TokenStream {
+        let name = &self.name;
+        if self.flatten {
+            return quote!(values.extend(::gear_graph::Params::write(#value)););
+        }
+        quote!(values.insert(::std::string::String::from(#name), ::gear_graph::Param::write(#value));)
     }
 }
 

@@ -32,9 +32,18 @@ pub fn derive(input: &DeriveInput) -> syn::Result<TokenStream> {
                 let param_specs = params.iter().map(Param::spec);
                 let param_reads = params.iter().map(Param::read);
                 let idents: Vec<_> = params.iter().map(|p| &p.field.ident).collect();
-                let names: Vec<_> = params.iter().map(|p| &p.name).collect();
+                let param_writes = params.iter().map(|param| {
+                    let ident = &param.field.ident;
+                    param.write(&quote!(#ident))
+                });
                 specs.push(quote!(::gear_graph::Variant {
-                    name: #name, doc: #doc, params: ::std::vec![#(#param_specs,)*],
+                    name: #name,
+                    doc: #doc,
+                    params: {
+                        let mut specs = ::std::vec::Vec::new();
+                        #(#param_specs)*
+                        specs
+                    },
                 }));
                 reads.push(quote!(#name => {
                     #(let #idents = #param_reads;)*
@@ -43,10 +52,7 @@ pub fn derive(input: &DeriveInput) -> syn::Result<TokenStream> {
                 }));
                 writes.push(quote!(Self::#id { #(#idents,)* } => {
                     let mut values = ::gear_graph::ParamValues::new();
-                    #(values.insert(
-                        ::std::string::String::from(#names),
-                        ::gear_graph::Param::write(#idents),
-                    );)*
+                    #(#param_writes)*
                     ::gear_graph::tagged(#name, values)
                 }));
             }

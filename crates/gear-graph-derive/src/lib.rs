@@ -16,6 +16,9 @@ use syn::{DeriveInput, parse_macro_input};
 /// On a struct with named fields, each field a `gear_graph::Param`. Doc comments become the help. Attributes of
 /// a field: `#[param(default = EXPR, range = A..=B, above = A, below = B, unit = "…", name = "…")]`. A field
 /// without `default` is required, unless it is an `Option`. When no field is required, `Default` is implemented.
+///
+/// `#[param(flatten)]` on a field whose type derives `Params` and has a `Default`: its parameters stand beside the others,
+/// so that nodes can share them.
 #[proc_macro_derive(Params, attributes(param))]
 pub fn params(input: TokenStream) -> TokenStream {
     let input = parse_macro_input!(input as DeriveInput);

@@ -15,8 +15,11 @@ pub fn derive(input: &DeriveInput) -> syn::Result<TokenStream> {
         .collect::<syn::Result<Vec<_>>>()?;
     let specs = params.iter().map(Param::spec);
     let idents: Vec<_> = params.iter().map(|p| &p.field.ident).collect();
-    let names: Vec<_> = params.iter().map(|p| &p.name).collect();
     let reads = params.iter().map(Param::read);
+    let writes = params.iter().map(|param| {
+        let ident = &param.field.ident;
+        param.write(&quote!(&self.#ident))
+    });
     let default = params
         .iter()
         .map(|p| p.default.clone())
@@ -35,21 +38,19 @@ pub fn derive(input: &DeriveInput) -> syn::Result<TokenStream> {
             const DOC: &'static str = #doc;
 
             fn specs() -> ::std::vec::Vec<::gear_graph::ParamSpec> {
-                ::std::vec![#(#specs,)*]
+                let mut specs = ::std::vec::Vec::new();
+                #(#specs)*
+                specs
             }
 
-            fn read(fields: &mut ::gear_graph::Fields<'_, '_>) -> ::core::option::Option<Self> {
+            fn take(fields: &mut ::gear_graph::Fields<'_, '_>) -> ::core::option::Option<Self> {
                 #(let #idents = #reads;)*
-                fields.finish();
                 ::core::option::Option::Some(Self { #(#idents: #idents?,)* })
             }
 
             fn write(&self) -> ::gear_graph::ParamValues {
                 let mut values = ::gear_graph::ParamValues::new();
-                #(values.insert(
-                    ::std::string::String::from(#names),
-                    ::gear_graph::Param::write(&self.#idents),
-                );)*
+                #(#writes)*
                 values
             }
         }

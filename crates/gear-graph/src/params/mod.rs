@@ -34,8 +34,15 @@ pub trait Params: Sized + Clone + Debug + Send + Sync + 'static {
     /// The parameters, in order.
     fn specs() -> Vec<ParamSpec>;
 
+    /// Reads them, and says nothing of other keys: these may belong to parameters that stand beside them.
+    fn take(fields: &mut Fields<'_, '_>) -> Option<Self>;
+
     /// Reads them. Every mistake goes to `fields`; the result is `None` if a value could not be read.
-    fn read(fields: &mut Fields<'_, '_>) -> Option<Self>;
+    fn read(fields: &mut Fields<'_, '_>) -> Option<Self> {
+        let read = Self::take(fields);
+        fields.finish();
+        read
+    }
 
     /// All of them, as values.
     fn write(&self) -> ParamValues;

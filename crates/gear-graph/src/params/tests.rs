@@ -60,6 +60,36 @@ struct Required {
     size: u32,
 }
 
+/// Parameters that several nodes share.
+#[derive(Clone, Debug, PartialEq, Params)]
+struct Shared {
+    /// How long.
+    #[param(default = 3.0, range = 0.0..=9.0, unit = "s")]
+    patience: f64,
+}
+
+/// Some of its own, then the shared ones.
+#[derive(Clone, Debug, PartialEq, Params)]
+struct Sharing {
+    /// Its own.
+    #[param(default = 1)]
+    own: u32,
+    #[param(flatten)]
+    shared: Shared,
+    /// How.
+    #[param(default = How::Waiting { shared: Shared::default() })]
+    how: How,
+}
+
+#[derive(Clone, Debug, PartialEq, Choice)]
+enum How {
+    /// With them too.
+    Waiting {
+        #[param(flatten)]
+        shared: Shared,
+    },
+}
+
 fn messages<P: Params>(value: serde_json::Value) -> Vec<String> {
     match read::<P>(&value) {
         Ok(read) => panic!("{value} was read as {read:?}"),
@@ -83,6 +113,28 @@ fn what_is_written_reads_back() {
     assert_eq!(all.method, Method::Canny { low: 0.2 });
     assert_eq!(all.beta, OrAuto::Value(-4.0));
     assert_eq!(read::<All>(&serde_json::Value::Object(all.write())).unwrap(), all);
+}
+
+#[test]
+fn shared_parameters_stand_beside_a_node_s_own() {
+    let names: Vec<_> = Sharing::specs().iter().map(|spec| spec.name).collect();
+    assert_eq!(names, ["own", "patience", "how"]);
+    let given = json!({"own": 2, "patience": 4.0, "how": {"waiting": {"patience": 5.0}}});
+    let node = read::<Sharing>(&given).unwrap();
+    assert_eq!(node.shared.patience, 4.0);
+    assert_eq!(
+        serde_json::Value::Object(node.write()),
+        given,
+        "flat, and in this order"
+    );
+    assert_eq!(read::<Sharing>(&json!({})).unwrap(), Sharing::default());
+    assert_eq!(
+        messages::<Sharing>(json!({"patience": 10, "patient": 1})),
+        [
+            "parameter `patience` of the node under test must be 0 to 9 (s), found `10`",
+            "the node under test has no parameter `patient`"
+        ]
+    );
 }
 
 #[test]
