@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use gear_graph::{Choice, Context, NodeError, Report};
-use gear_image::{Field, Image, SrgbImage, io};
+use gear_image::{Field, Image, Mask, SrgbImage, io};
 use serde_json::Value;
 
 use crate::{
@@ -25,6 +25,9 @@ pub enum Service {
         /// Send the seed; some services refuse fields that they do not know.
         #[param(default = false)]
         send_seed: bool,
+        /// Send where the picture may change: the figure, as transparent pixels of the field `mask`.
+        #[param(default = false)]
+        send_mask: bool,
     },
     /// A ComfyUI server (`GEAR_COMFYUI_URL`, `GEAR_COMFYUI_MODEL`), with the workflow at the port `workflow`.
     ComfyUi {
@@ -44,7 +47,13 @@ impl Service {
             size: "auto".to_owned(),
             ask_for_bytes: false,
             send_seed: false,
+            send_mask: false,
         }
+    }
+
+    /// Whether it is told where a picture may change.
+    pub fn takes_mask(&self) -> bool {
+        matches!(self, Self::Images { send_mask: true, .. })
     }
 
     /// The kind of service.
@@ -63,6 +72,8 @@ pub struct Asked<'a> {
     pub picture: &'a SrgbImage,
     /// Its edge map, for workflows that have a place for it.
     pub edges: Option<&'a Field>,
+    /// Where it may change, its size, for services that are told ([`Service::takes_mask`]).
+    pub inside: Option<&'a Mask>,
     /// What is to be done.
     pub prompt: &'a str,
     /// The seed.
@@ -92,6 +103,7 @@ enum Way<'a> {
         size: String,
         ask_for_bytes: bool,
         send_seed: bool,
+        send_mask: bool,
     },
     ComfyUi {
         comfy: Comfy<'a>,
@@ -120,11 +132,13 @@ impl<'a> Editor<'a> {
                 size,
                 ask_for_bytes,
                 send_seed,
+                send_mask,
             } => Way::Images {
                 images: Images::new(&endpoint, policy, interrupted),
                 size: size.clone(),
                 ask_for_bytes: *ask_for_bytes,
                 send_seed: *send_seed,
+                send_mask: *send_mask,
             },
             Service::ComfyUi { poll, patience } => Way::ComfyUi {
                 comfy: Comfy::new(
@@ -170,28 +184,38 @@ impl<'a> Editor<'a> {
     }
 
     fn ask(&self, asked: &Asked<'_>) -> Result<(Vec<u8>, Option<String>), ServiceError> {
-        let png = |rgb: SrgbImage| {
-            io::png_bytes(&Image { rgb, alpha: None }).map_err(|problem| ServiceError::Unexpected {
+        let png = |rgb: SrgbImage, alpha: Option<Field>| {
+            io::png_bytes(&Image { rgb, alpha }).map_err(|problem| ServiceError::Unexpected {
                 host: "this machine".to_owned(),
                 found: problem,
                 expected: "a picture that can be written as PNG".to_owned(),
             })
         };
-        let image = png(asked.picture.clone())?;
+        let image = png(asked.picture.clone(), None)?;
         match &self.way {
             Way::Images {
                 images,
                 size,
                 ask_for_bytes,
                 send_seed,
-            } => images.edit(&ImageEdit {
-                image: &image,
-                mask: None,
-                prompt: asked.prompt,
-                size,
-                seed: send_seed.then_some(asked.seed),
-                ask_for_bytes: *ask_for_bytes,
-            }),
+                send_mask,
+            } => {
+                // OpenAI's reference of images/edits: transparent pixels tell where the picture is to be edited.
+                let kept = |inside: &Mask| {
+                    let kept = inside.data().iter().map(|inside| f32::from(u8::from(!inside)));
+                    let kept = Field::from_vec(inside.width(), inside.height(), kept.collect());
+                    png(asked.picture.clone(), Some(kept))
+                };
+                let mask = asked.inside.filter(|_| *send_mask).map(kept).transpose()?;
+                images.edit(&ImageEdit {
+                    image: &image,
+                    mask: mask.as_deref(),
+                    prompt: asked.prompt,
+                    size,
+                    seed: send_seed.then_some(asked.seed),
+                    ask_for_bytes: *ask_for_bytes,
+                })
+            }
             Way::ComfyUi { comfy, workflow } => {
                 let grey = |edges: &Field| {
                     let tones = edges
@@ -200,7 +224,7 @@ impl<'a> Editor<'a> {
                         .map(|&e| [if e.is_finite() { e.clamp(0.0, 1.0) } else { 0.0 }; 3]);
                     SrgbImage::from_vec(edges.width(), edges.height(), tones.collect())
                 };
-                let edges = asked.edges.map(|edges| png(grey(edges))).transpose()?;
+                let edges = asked.edges.map(|edges| png(grey(edges), None)).transpose()?;
                 let bytes = comfy.run(&Job {
                     workflow,
                     image: &image,
@@ -239,16 +263,16 @@ pub(crate) fn endpoint(kind: Kind, ctx: &Context) -> Result<Endpoint, NodeError>
         .map_err(NodeError::new)
 }
 
-/// The text of a report at a port that carries a prompt.
-pub fn prompt_of(report: &Report, port: &str) -> Result<String, NodeError> {
-    let text = report
-        .0
-        .get("prompt")
-        .and_then(Value::as_str)
-        .filter(|text| !text.trim().is_empty());
+/// What a service is told: the text of the report at the port `prompt`, or where nothing is wired a parameter's.
+pub fn words(prompt: Option<&Report>, parameter: &str) -> Result<String, NodeError> {
+    let Some(report) = prompt else {
+        return Ok(parameter.to_owned());
+    };
+    let text = report.0.get("prompt").and_then(Value::as_str);
+    let text = text.filter(|text| !text.trim().is_empty());
     text.map(str::to_owned).ok_or_else(|| {
         NodeError::input(
-            port,
+            "prompt",
             "found a report without a text `prompt`; wire Prompt here, or leave it open",
         )
     })

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use crate::ServiceError;
 
 /// How often waiting looks whether the run is interrupted.
-const LOOK: Duration = Duration::from_millis(50);
+pub(crate) const LOOK: Duration = Duration::from_millis(50);
 
 /// Lets a bounded number through at a time, and nobody before the server's time.
 pub struct Pace {

@@ -5,8 +5,11 @@
 //! refused together do not come back together; a server that says `Retry-After` is believed up to a minute.
 
 use std::hash::{BuildHasher, RandomState};
+use std::sync::Arc;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
+use gear_graph::Params;
 use ureq::http::Method;
 
 use crate::pace::{self, Pace};
@@ -35,6 +38,28 @@ impl Default for Policy {
             pause: Duration::from_millis(500),
             at_a_time: 2,
             largest: 64 << 20,
+        }
+    }
+}
+
+/// How patient a node is with its service; every node that asks one has these parameters.
+#[derive(Clone, Debug, PartialEq, Params)]
+pub struct Patience {
+    /// The longest that one request may take.
+    #[param(default = 180.0, range = 0.1..=3600.0, unit = "s")]
+    pub timeout: f64,
+    /// How often a request is tried.
+    #[param(default = 4, range = 1..=20)]
+    pub tries: u32,
+}
+
+impl Patience {
+    /// What it allows.
+    pub fn policy(&self) -> Policy {
+        Policy {
+            timeout: Duration::from_secs_f64(self.timeout),
+            tries: self.tries,
+            ..Policy::default()
         }
     }
 }
@@ -135,13 +160,21 @@ impl<'a> Transport<'a> {
         } else {
             self.endpoint.join(&request.address)
         };
+        let exchange = Arc::new(Exchange {
+            endpoint: self.endpoint.clone(),
+            policy: self.policy,
+            agent: self.agent.clone(),
+            method: request.method.clone(),
+            body: request.body.to_vec(),
+            content_type: request.content_type.to_owned(),
+        });
         let mut redirects = 0;
         let mut tried = 0;
         loop {
             tried += 1;
             let outcome = {
                 let _turn = self.pace.turn(&|| (self.interrupted)())?;
-                self.once(request, &address)
+                self.once(&exchange, &address)?
             };
             let (error, after) = match outcome {
                 Try::Answered(answer) => return Ok(answer),
@@ -177,32 +210,67 @@ impl<'a> Transport<'a> {
         }
     }
 
-    fn once(&self, request: &Request<'_>, address: &str) -> Try {
+    /// One try on a thread of its own, so that an interruption need not wait for the server.
+    fn once(&self, exchange: &Arc<Exchange>, address: &str) -> Result<Try, ServiceError> {
+        let (exchange, address) = (Arc::clone(exchange), address.to_owned());
+        let (tell, told) = mpsc::channel();
+        std::thread::spawn(move || {
+            // Nobody listens after an interruption.
+            let _ = tell.send(exchange.once(&address));
+        });
+        loop {
+            match told.recv_timeout(pace::LOOK) {
+                Ok(outcome) => return Ok(outcome),
+                Err(RecvTimeoutError::Timeout) if (self.interrupted)() => return Err(ServiceError::Interrupted),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => {
+                    return Err(self.unexpected("an answer that cannot be read", "one as HTTP has it"));
+                }
+            }
+        }
+    }
+}
+
+/// All that one try needs, for as long as it takes.
+struct Exchange {
+    endpoint: Endpoint,
+    policy: Policy,
+    agent: ureq::Agent,
+    method: Method,
+    body: Vec<u8>,
+    content_type: String,
+}
+
+impl Exchange {
+    fn once(&self, address: &str) -> Try {
         let host = || self.endpoint.host().to_owned();
-        let mut head = ureq::http::Request::builder()
-            .method(request.method.clone())
-            .uri(address);
+        let mut head = ureq::http::Request::builder().method(self.method.clone()).uri(address);
         if let Some(key) = self.endpoint.key() {
             head = head.header("Authorization", format!("Bearer {}", key.reveal()));
         }
-        if !request.content_type.is_empty() {
-            head = head.header("Content-Type", request.content_type);
+        if !self.content_type.is_empty() {
+            head = head.header("Content-Type", &self.content_type);
         }
-        let sent = if request.method == Method::GET {
+        let sent = if self.method == Method::GET {
             head.body(()).map(|head| self.agent.run(head))
         } else {
-            head.body(request.body).map(|head| self.agent.run(head))
+            head.body(&self.body[..]).map(|head| self.agent.run(head))
         };
         let failed = |error: ureq::Error| {
+            let final_word = untrusted(&error);
             let error = ServiceError::Unreachable {
                 host: host(),
                 cause: self.endpoint.redact(&error.to_string()),
                 tries: match self.policy.tries {
                     0 | 1 => "tried once".to_owned(),
+                    _ if final_word => "tried once".to_owned(),
                     n => format!("tried {n} times at most"),
                 },
             };
-            Try::Later(error, None)
+            match final_word {
+                true => Try::Never(error),
+                false => Try::Later(error, None),
+            }
         };
         let mut response = match sent {
             // What a header cannot hold is a mistake in the key or in the address.
@@ -258,6 +326,15 @@ impl<'a> Transport<'a> {
             }
             _ => Try::Never(error),
         }
+    }
+}
+
+/// Whether the other side speaks no TLS, or has a certificate that nobody vouches for: no second try changes that.
+fn untrusted(error: &ureq::Error) -> bool {
+    match error {
+        ureq::Error::Tls(_) | ureq::Error::Rustls(_) => true,
+        ureq::Error::Io(error) => error.kind() == std::io::ErrorKind::InvalidData,
+        _ => false,
     }
 }
 

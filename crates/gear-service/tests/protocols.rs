@@ -53,20 +53,23 @@ fn workflow() -> Value {
     })
 }
 
-fn edit_in(ctx: &Context, service: &Service) -> Result<Edited, String> {
-    let interrupted = || ctx.is_cancelled();
-    let workflow = workflow();
-    let editor = Editor::open(service, Some(&workflow), quick(), ctx, &interrupted).map_err(|e| e.to_string())?;
-    let picture = picture();
-    let asked = Asked {
-        picture: &picture,
+fn asked(picture: &SrgbImage) -> Asked<'_> {
+    Asked {
+        picture,
         edges: None,
+        inside: None,
         prompt: "a marble sculpture",
         seed: 3,
         agreement: 0.3,
         name: "front",
-    };
-    editor.edit(&asked).map_err(|e| e.to_string())
+    }
+}
+
+fn edit_in(ctx: &Context, service: &Service) -> Result<Edited, String> {
+    let interrupted = || ctx.is_cancelled();
+    let workflow = workflow();
+    let editor = Editor::open(service, Some(&workflow), quick(), ctx, &interrupted).map_err(|e| e.to_string())?;
+    editor.edit(&asked(&picture())).map_err(|e| e.to_string())
 }
 
 fn images(handler: impl Fn(&Received) -> Reply + Send + Sync + 'static) -> (Server, Result<Edited, String>) {
@@ -224,6 +227,8 @@ fn an_answer_that_is_no_picture_of_ours_is_refused() {
             if (x / 4 + y / 4) % 2 == 0 { [0.1; 3] } else { [0.9; 3] }
         })
     });
+    // A header that claims 100,000² pixels, and nothing behind it.
+    let bomb = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\x01\x86\xa0\0\x01\x86\xa0\x08\x02\0\0\0";
     let wide = Studio::new(|_| SrgbImage::filled(400, 100, [0.5; 3]));
     let cases: Vec<(Box<Handler>, &str)> = vec![
         (
@@ -239,6 +244,7 @@ fn an_answer_that_is_no_picture_of_ours_is_refused() {
             Box::new(move |_| Reply::json(200, &coded(b"GIF89a"))),
             "no usable picture",
         ),
+        (Box::new(move |_| Reply::json(200, &coded(bomb))), "no usable picture"),
         (Box::new(move |asked| blank.answer(asked)), "lost the picture's layout"),
         (
             Box::new(move |asked| mirrored.answer(asked)),
@@ -267,16 +273,7 @@ fn a_huge_answer_is_not_read() {
         ..quick()
     };
     let editor = Editor::open(&Service::images(), None, policy, &ctx, &interrupted).unwrap();
-    let picture = picture();
-    let asked = Asked {
-        picture: &picture,
-        edges: None,
-        prompt: "",
-        seed: 0,
-        agreement: 0.0,
-        name: "p",
-    };
-    let error = editor.edit(&asked).unwrap_err().to_string();
+    let error = editor.edit(&asked(&picture())).unwrap_err().to_string();
     assert!(error.contains("more than 100000 bytes"), "{error}");
 }
 
@@ -287,6 +284,41 @@ fn a_redirect_to_another_host_takes_no_key_along() {
     let (_server, edited) = images(move |_| Reply::json(307, "").with("Location", &target));
     assert!(says(&edited).contains("sends us on to 127.0.0.1"), "{edited:?}");
     assert!(other.received().is_empty());
+}
+
+/// A server with a certificate that it signed itself; what was sent to it after a handshake, if there was one.
+fn self_signed() -> (String, std::thread::JoinHandle<Vec<u8>>) {
+    use std::io::Read;
+    let certificate = include_bytes!("self_signed/certificate.der").to_vec().into();
+    let key = rustls::pki_types::PrivatePkcs8KeyDer::from(include_bytes!("self_signed/key.der").to_vec());
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let config = rustls::ServerConfig::builder_with_provider(provider)
+        .with_safe_default_protocol_versions()
+        .unwrap()
+        .with_no_client_auth()
+        .with_single_cert(vec![certificate], key.into())
+        .unwrap();
+    let config = Arc::new(config);
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("https://{}", listener.local_addr().unwrap());
+    let heard = std::thread::spawn(move || {
+        let (stream, _) = listener.accept().unwrap();
+        let connection = rustls::ServerConnection::new(config).unwrap();
+        let mut said = Vec::new();
+        let _ = rustls::StreamOwned::new(connection, stream).read_to_end(&mut said);
+        said
+    });
+    (url, heard)
+}
+
+#[test]
+fn a_certificate_that_nobody_vouches_for_is_refused_and_hears_nothing() {
+    let (url, heard) = self_signed();
+    let endpoint = Endpoint::new(&url, "painter", Some(KEY.to_owned())).unwrap();
+    let resources = Resources::default().with(Services::default().with(Kind::Images, endpoint));
+    let edited = edit_in(&Context::detached().with_resources(resources), &Service::images());
+    assert!(says(&edited).contains("UnknownIssuer"), "{edited:?}");
+    assert_eq!(heard.join().unwrap(), b"");
 }
 
 #[test]
@@ -328,6 +360,30 @@ fn an_interruption_ends_the_waiting() {
         started.elapsed() < Duration::from_secs(20),
         "it did not wait for the server's time"
     );
+}
+
+#[test]
+fn a_server_that_takes_its_time_holds_up_no_interruption() {
+    let flag = Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let raise = Arc::clone(&flag);
+    let server = Server::start(move |_| {
+        raise.store(true, Ordering::SeqCst);
+        Reply::json(200, "{}").after(Duration::from_secs(30))
+    });
+    let endpoint = Endpoint::new(&server.url(), "painter", None).unwrap();
+    let ctx = Context::new(flag, None, 0)
+        .with_resources(Resources::default().with(Services::default().with(Kind::Images, endpoint)));
+    let interrupted = || ctx.is_cancelled();
+    let patient = Policy {
+        timeout: Duration::from_secs(60),
+        ..quick()
+    };
+    let editor = Editor::open(&Service::images(), None, patient, &ctx, &interrupted).unwrap();
+    let started = Instant::now();
+    let picture = picture();
+    let error = editor.edit(&asked(&picture)).unwrap_err().to_string();
+    assert_eq!(error, "interrupted");
+    assert!(started.elapsed() < Duration::from_secs(10), "{:?}", started.elapsed());
 }
 
 #[test]

@@ -8,11 +8,10 @@
 use std::sync::Arc;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
 
 use gear_graph::{Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Resources, Want, Wanted};
 use gear_image::{Field, Image, Mask, SrgbImage, colour, filter};
-use gear_service::{Asked, Edited, Editor, Policy, Service, ServiceError, Services};
+use gear_service::{Asked, Edited, Editor, Patience, Policy, Service, ServiceError, Services};
 use gear_splat::{Scene, View, Views};
 use serde_json::json;
 
@@ -43,12 +42,9 @@ pub struct EditService {
     /// Requests that are out at a time.
     #[param(default = 2, range = 1..=64)]
     pub at_a_time: usize,
-    /// The longest that one request may take.
-    #[param(default = 180.0, range = 0.1..=3600.0, unit = "s")]
-    pub timeout: f64,
-    /// How often a request is tried.
-    #[param(default = 4, range = 1..=20)]
-    pub tries: u32,
+    /// How patient it is with the service.
+    #[param(flatten)]
+    pub patience: Patience,
 }
 
 /// Input ports.
@@ -90,10 +86,7 @@ impl Node for EditService {
     }
 
     fn run(&self, inputs: In, want: &Want, ctx: &Context) -> Result<Out, NodeError> {
-        let prompt = match &inputs.prompt {
-            Some(report) => gear_service::prompt_of(report, "prompt")?,
-            None => self.prompt.clone(),
-        };
+        let prompt = gear_service::words(inputs.prompt.as_deref(), &self.prompt)?;
         let views = &inputs.views.views;
         for view in views {
             if view.alpha.as_ref().is_none_or(|alpha| alpha.size() != view.rgb.size()) {
@@ -105,10 +98,8 @@ impl Node for EditService {
             }
         }
         let policy = Policy {
-            timeout: Duration::from_secs_f64(self.timeout),
-            tries: self.tries,
             at_a_time: self.at_a_time,
-            ..Policy::default()
+            ..self.patience.policy()
         };
         let interrupted = || ctx.is_cancelled();
         let workflow = inputs.workflow.as_deref().map(|workflow| &workflow.0);
@@ -179,9 +170,11 @@ impl EditService {
                 if fronts[i].is_some() {
                     continue;
                 }
+                let inside = self.service.takes_mask().then(|| covered(&views[i]));
                 let answer = editor.edit(&Asked {
                     picture: &views[i].rgb,
                     edges: None,
+                    inside: inside.as_ref(),
                     prompt,
                     seed: self.seed,
                     agreement: self.agreement,
@@ -257,6 +250,14 @@ impl EditService {
             ..view.clone()
         }
     }
+}
+
+/// Where the scene is.
+fn covered(view: &View) -> Mask {
+    let (width, height) = view.rgb.size();
+    Mask::from_fn(width, height, |x, y| {
+        view.alpha.as_ref().is_none_or(|alpha| alpha.at(x, y) > SEEN)
+    })
 }
 
 /// Adds the node to a registry.

@@ -1,6 +1,7 @@
 //! Against a server on the loopback address.
 
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use gear_graph::testing::InMemory;
 use gear_service::testing::{Reply, Server, Studio};

@@ -10,14 +10,16 @@
 
 mod sheet;
 mod tally;
+mod verdict;
 mod votes;
 
+pub use verdict::Verdict;
+
 use std::sync::Arc;
-use std::time::Duration;
 
 use gear_graph::{Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Resources, Want};
 use gear_image::Image;
-use gear_service::{Kind, Policy, Services};
+use gear_service::{Kind, Patience, Services};
 use gear_splat::Views;
 
 /// Blind judgement of renderings by a multimodal model.
@@ -44,12 +46,9 @@ pub struct Judge {
     /// How often an answer that cannot be used is sent back, in each vote.
     #[param(default = 2, range = 0..=10)]
     pub repairs: u32,
-    /// The longest that one request may take.
-    #[param(default = 120.0, range = 0.1..=3600.0, unit = "s")]
-    pub timeout: f64,
-    /// How often a request is tried.
-    #[param(default = 4, range = 1..=20)]
-    pub tries: u32,
+    /// How patient it is with the service.
+    #[param(flatten)]
+    pub patience: Patience,
 }
 
 /// Input ports.
@@ -84,13 +83,8 @@ impl Node for Judge {
     fn run(&self, inputs: In, _want: &Want, ctx: &Context) -> Result<Out, NodeError> {
         let methods = self.names(inputs.views.len())?;
         let sheets = sheet::of_methods(&inputs.painting, &inputs.views, self.size, self.shown)?;
-        let policy = Policy {
-            timeout: Duration::from_secs_f64(self.timeout),
-            tries: self.tries,
-            ..Policy::default()
-        };
         let interrupted = || ctx.is_cancelled();
-        let bench = votes::Bench::open(self, &sheets, policy, ctx, &interrupted)?;
+        let bench = votes::Bench::open(self, &sheets, ctx, &interrupted)?;
         let mut votes = Vec::new();
         for number in 0..self.votes {
             let fraction = f64::from(number) / f64::from(self.votes);
@@ -127,9 +121,10 @@ impl Judge {
     }
 }
 
-/// Adds the node to a registry.
+/// Adds the nodes to a registry.
 pub fn register(registry: &mut Registry) {
     registry.node::<Judge>();
+    registry.node::<Verdict>();
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Against a server on the loopback address.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
 use gear_graph::testing::InMemory;
 use gear_image::SrgbImage;

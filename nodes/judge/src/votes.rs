@@ -1,7 +1,7 @@
 //! One vote: the order, the question, the answer and its repair.
 
 use gear_graph::{Context, Digest, NodeError};
-use gear_service::{Chat, Kind, Memory, Part, Policy, Services};
+use gear_service::{Chat, Kind, Memory, Part, Services};
 use serde_json::Value;
 
 use crate::Judge;
@@ -30,14 +30,13 @@ impl<'a> Bench<'a> {
     pub fn open(
         judge: &'a Judge,
         sheets: &'a Sheets,
-        policy: Policy,
         ctx: &'a Context,
         interrupted: &'a (dyn Fn() -> bool + Sync),
     ) -> Result<Self, NodeError> {
         let services = Services::lent(ctx.resources());
         let endpoint = services.get(Kind::Chat).map_err(NodeError::new)?;
         Ok(Self {
-            chat: Chat::new(endpoint, policy, interrupted),
+            chat: Chat::new(endpoint, judge.patience.policy(), interrupted),
             judge,
             sheets,
             memory: Memory::open(ctx),

@@ -6,11 +6,12 @@
 //! the painting's contours is an error.
 
 use std::sync::Arc;
-use std::time::Duration;
 
-use gear_graph::{Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Resources, Want, Wanted};
-use gear_image::{Field, Image};
-use gear_service::{Asked, Editor, Policy, Service, Services};
+use gear_graph::{
+    Context, Demand, Inputs, Known, Lazy, Node, NodeError, Outputs, Params, Registry, Report, Resources, Want, Wanted,
+};
+use gear_image::{Field, Image, Mask, filter};
+use gear_service::{Asked, Editor, Kind, Patience, Service, Services};
 use serde_json::json;
 
 /// A geometry-friendly picture of the painting, by an image-editing service.
@@ -28,12 +29,9 @@ pub struct TranslateService {
     /// The least agreement of the answer's contours with the painting's, -1 to 1.
     #[param(default = 0.15, range = -1.0..=1.0)]
     pub agreement: f64,
-    /// The longest that one request may take.
-    #[param(default = 180.0, range = 0.1..=3600.0, unit = "s")]
-    pub timeout: f64,
-    /// How often a request is tried.
-    #[param(default = 4, range = 1..=20)]
-    pub tries: u32,
+    /// How patient it is with the service.
+    #[param(flatten)]
+    pub patience: Patience,
 }
 
 /// Input ports.
@@ -42,7 +40,9 @@ pub struct In {
     /// The painting.
     pub image: Arc<Image>,
     /// Contour strength in [0, 1], for workflows that have a place for it.
-    pub edges: Option<Arc<Field>>,
+    pub edges: Option<Lazy<Field>>,
+    /// Where the picture may change, for services that are told (`send_mask`).
+    pub mask: Option<Lazy<Mask>>,
     /// A report with a text `prompt`, such as from Prompt.
     pub prompt: Option<Arc<Report>>,
     /// A ComfyUI workflow in its API format.
@@ -70,27 +70,35 @@ impl Node for TranslateService {
         Services::lent(resources).realm(self.service.kind())
     }
 
+    fn demand(&self, _output: &str, known: &Known<'_>) -> Result<Demand, NodeError> {
+        let ports: &[_] = match self.service.kind() {
+            Kind::ComfyUi => &["edges"],
+            _ if self.service.takes_mask() => &["mask"],
+            _ => &[],
+        };
+        Ok(match known.need(ports, "the service is told") {
+            Demand::Ready { .. } => Demand::ready_because("the service is told nothing more"),
+            need => need,
+        })
+    }
+
     fn run(&self, inputs: In, want: &Want, ctx: &Context) -> Result<Out, NodeError> {
         let painting = inputs.image;
         if painting.rgb.is_empty() {
             return Err(NodeError::input("image", "it has no pixels; expected a picture"));
         }
-        let prompt = match &inputs.prompt {
-            Some(report) => gear_service::prompt_of(report, "prompt")?,
-            None => self.prompt.clone(),
-        };
-        let policy = Policy {
-            timeout: Duration::from_secs_f64(self.timeout),
-            tries: self.tries,
-            ..Policy::default()
-        };
+        let prompt = gear_service::words(inputs.prompt.as_deref(), &self.prompt)?;
+        let (width, height) = painting.size();
+        let mask = inputs.mask.as_ref().and_then(Lazy::get);
+        let inside = mask.map(|mask| filter::resize_mask(mask, width, height));
         let interrupted = || ctx.is_cancelled();
         let workflow = inputs.workflow.as_deref().map(|workflow| &workflow.0);
-        let editor = Editor::open(&self.service, workflow, policy, ctx, &interrupted)?;
+        let editor = Editor::open(&self.service, workflow, self.patience.policy(), ctx, &interrupted)?;
         ctx.progress_with(0.0, "waiting for the service");
         let edited = editor.edit(&Asked {
             picture: &painting.rgb,
-            edges: inputs.edges.as_deref(),
+            edges: inputs.edges.as_ref().and_then(Lazy::get).map(|edges| &**edges),
+            inside: inside.as_ref(),
             prompt: &prompt,
             seed: self.seed,
             agreement: self.agreement,
@@ -141,16 +149,21 @@ mod tests {
     }
 
     fn run(server: &Server, prompt: Option<serde_json::Value>) -> Result<Out, NodeError> {
+        run_as(&TranslateService::default(), server, prompt)
+    }
+
+    fn run_as(node: &TranslateService, server: &Server, prompt: Option<serde_json::Value>) -> Result<Out, NodeError> {
         let endpoint = Endpoint::new(&server.url(), "sculptor", None).unwrap();
         let services = Services::default().with(Kind::Images, endpoint);
         let ctx = Context::detached().with_resources(Resources::default().with(services));
         let inputs = In {
             image: painting(),
             edges: None,
+            mask: Some(Lazy::given(Mask::from_fn(20, 16, |x, _| x < 10))),
             prompt: prompt.map(|prompt| Arc::new(Report(prompt))),
             workflow: None,
         };
-        TranslateService::default().run(inputs, &Want::all::<Out>(), &ctx)
+        node.run(inputs, &Want::all::<Out>(), &ctx)
     }
 
     #[test]
@@ -171,6 +184,40 @@ mod tests {
         let endpoint = Endpoint::new(&server.url(), "sculptor", None).unwrap();
         let services = Resources::default().with(Services::default().with(Kind::Images, endpoint));
         assert_eq!(TranslateService::default().realm(&services), "service:sculptor");
+    }
+
+    #[test]
+    fn where_the_picture_may_change_is_told_to_those_who_want_to_know() {
+        let studio = Studio::new(|picture| picture);
+        let server = Server::start(move |asked| studio.answer(asked));
+        run(&server, None).unwrap();
+        assert_eq!(server.received()[0].field("mask"), None, "not every service knows it");
+        let given = json!({"service": {"images": {"send_mask": true}}});
+        let told: TranslateService = gear_graph::testing::read(&given).unwrap();
+        run_as(&told, &server, None).unwrap();
+        let png = server.received()[1].field("mask").unwrap();
+        let sent = gear_image::io::decode_image(&mut std::io::Cursor::new(png), None, &Default::default()).unwrap();
+        assert_eq!(sent.image.size(), (40, 32), "the picture's size");
+        let alpha = sent.image.alpha.unwrap();
+        assert_eq!(
+            (alpha.at(4, 8), alpha.at(30, 8)),
+            (0.0, 1.0),
+            "transparent where it may change"
+        );
+    }
+
+    #[test]
+    fn only_what_the_service_is_told_is_computed() {
+        let asked = |service: serde_json::Value| {
+            let node: TranslateService = gear_graph::testing::read(&json!({ "service": service })).unwrap();
+            match node.demand("image", &Known::of::<In>(Vec::new())).unwrap() {
+                Demand::Need { ports, .. } => ports,
+                Demand::Ready { .. } => Vec::new(),
+            }
+        };
+        assert_eq!(asked(json!("images")), [""; 0]);
+        assert_eq!(asked(json!({"images": {"send_mask": true}})), ["mask"]);
+        assert_eq!(asked(json!("comfy-ui")), ["edges"]);
     }
 
     #[test]

@@ -47,6 +47,7 @@ impl Studio {
             "/upload/image" => self.upload(asked),
             "/prompt" => self.prompt(asked),
             "/view" => self.view(asked),
+            "/chat/completions" => judged(asked),
             path => path.strip_prefix("/history/").map(history),
         };
         answer.unwrap_or_else(|| Reply::json(404, r#"{"error": {"message": "there is nothing here"}}"#))
@@ -90,6 +91,38 @@ impl Studio {
     fn uploads(&self) -> std::sync::MutexGuard<'_, BTreeMap<String, Vec<u8>>> {
         self.uploads.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Scores of every picture after the first, by how near its mean tone is to the first's: whatever the order.
+fn judged(asked: &Received) -> Option<Reply> {
+    let body: Value = serde_json::from_slice(&asked.body).ok()?;
+    let parts = body["messages"]
+        .as_array()?
+        .iter()
+        .filter_map(|message| message["content"].as_array());
+    let pictures = parts.flatten().filter_map(|part| part["image_url"]["url"].as_str());
+    let tones: Vec<f64> = pictures.map(tone).collect::<Option<_>>()?;
+    let (painting, candidates) = tones.split_first()?;
+    let scores = candidates.iter().zip('A'..).map(|(tone, letter)| {
+        let score = (10.0 * (1.0 - (tone - painting).abs())).clamp(1.0, 10.0);
+        (
+            letter.to_string(),
+            json!({"TF": score, "GA": score, "VC": score, "AC": score}),
+        )
+    });
+    let text = Value::Object(scores.collect()).to_string();
+    let model = format!("{}-2026", body["model"].as_str()?);
+    Some(Reply::json(
+        200,
+        &json!({"model": model, "choices": [{"message": {"content": text}}]}).to_string(),
+    ))
+}
+
+/// The mean tone of a PNG that stands in an address.
+fn tone(url: &str) -> Option<f64> {
+    let png = STANDARD.decode(url.strip_prefix("data:image/png;base64,")?).ok()?;
+    let loaded = io::decode_image(&mut std::io::Cursor::new(png), None, &Options::default()).ok()?;
+    Some(gear_image::stats::mean(loaded.image.rgb.data().as_flattened()))
 }
 
 fn history(id: &str) -> Reply {
