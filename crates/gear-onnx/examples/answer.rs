@@ -1,14 +1,16 @@
 //! What a network says about a picture, as PNG files, and what went into the library and came out, as .npy files for
 //! `compare.py`: `cargo run -p gear-onnx --example answer -- MODEL.onnx PICTURE OUT [SIZE]`.
 //!
-//! The declaration lies beside the model. Channels beside the colours are 0. Prints seconds: reading the network with
-//! the first run, and the least of five runs after it.
+//! The declaration lies beside the model. Channels beside the colours are made of the picture's light: where it is bright
+//! is the mask, and its blurred height the base. Prints seconds: reading the network with the first run, and the least of
+//! five runs after it.
 
 use std::path::Path;
 use std::time::Instant;
 
 use gear_graph::{Context, FileSource, Loader};
-use gear_image::{Field, Image, SrgbImage, io, stats};
+use gear_image::edges::soft_edges;
+use gear_image::{Field, Image, SrgbImage, colour, filter, io, stats};
 use gear_onnx::{Channel, Given, ModelFile, Provider, answer};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -18,22 +20,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     std::fs::create_dir_all(out)?;
     let out = Path::new(out);
     let ctx = Context::detached();
-    let model = ModelFile {}.load(&FileSource::path(model), &ctx)?;
+    let model = ModelFile::default().load(&FileSource::path(model), &ctx)?;
     let options = io::Options {
         size,
         ..io::Options::default()
     };
     let picture = io::read_image(Path::new(picture), &options)?.image;
     let (width, height) = picture.size();
-    let zero = Field::filled(width, height, 0.0);
-    let planes = [
-        Channel::Mask,
-        Channel::Edges,
-        Channel::BaseNormalX,
-        Channel::BaseNormalY,
-        Channel::BaseHeight,
-    ]
-    .map(|channel| (channel, &zero));
+    let made = planes(&picture.rgb);
+    let planes = made.each_ref().map(|(channel, plane)| (*channel, plane));
     let given = Given {
         rgb: &picture.rgb,
         planes: &planes,
@@ -51,6 +46,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("{width}x{height}: first {first:.3} s, then {least:.3} s");
     let encoded: Vec<f32> = picture.rgb.data().as_flattened().to_vec();
     write_npy(&out.join("picture.npy"), &[height, width, 3], &encoded)?;
+    for (channel, plane) in &made {
+        let file = out.join(format!("{}.npy", channel.name()));
+        write_npy(&file, &[height, width], plane.data())?;
+    }
     for (i, field) in fields.iter().enumerate() {
         write_npy(&out.join(format!("answer{i}.npy")), &[height, width], field.data())?;
         let (low, high) = stats::range(field.data()).unwrap_or((0.0, 1.0));
@@ -64,6 +63,26 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         io::write_png(&out.join(format!("answer{i}.png")), &image)?;
     }
     Ok(())
+}
+
+/// What a network may take beside the colours, with samples that differ from place to place.
+fn planes(rgb: &SrgbImage) -> [(Channel, Field); 5] {
+    let light = colour::light(rgb);
+    let luminance = light.luminance();
+    let middle = stats::median(luminance.data()).unwrap_or(0.0);
+    let of = |field: &Field, f: &dyn Fn(f32) -> f32| {
+        let data = field.data().iter().map(|&x| f(x)).collect();
+        Field::from_vec(field.width(), field.height(), data)
+    };
+    let height = filter::gaussian(&luminance, 8.0);
+    let (across, down) = filter::gradient(&height);
+    [
+        (Channel::Mask, of(&luminance, &|x| f32::from(u8::from(x > middle)))),
+        (Channel::Edges, soft_edges(&light, 1.0, 0.98)),
+        (Channel::BaseNormalX, of(&across, &|x| -8.0 * x)),
+        (Channel::BaseNormalY, of(&down, &|x| -8.0 * x)),
+        (Channel::BaseHeight, height),
+    ]
 }
 
 /// A numpy file of 32-bit floats (format 1.0).

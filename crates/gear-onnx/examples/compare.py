@@ -1,7 +1,8 @@
 """Compares what the example `answer` wrote with the Python runtime: python compare.py MODEL.onnx OUT.
 
 Prepares the picture by its own code from the declaration beside the model (sizes `any` and `fixed` of the picture's own
-size, so that no resampling enters), runs `onnxruntime`, and prints the largest difference and the least of five times.
+size and no `half_size`, so that no resampling enters), runs `onnxruntime`, and prints the largest difference and the least
+of six times.
 Needs onnxruntime, numpy and PyYAML.
 """
 
@@ -22,6 +23,10 @@ if isinstance(size, dict) and "fixed" in size:
     fixed = size["fixed"]
     assert picture.shape[:2] == (fixed["height"], fixed["width"]), "give a picture of the network's own size"
 
+kind = declared["answer"] if isinstance(declared["answer"], str) else next(iter(declared["answer"]))
+options = {} if isinstance(declared["answer"], str) else declared["answer"][kind]
+assert not options.get("half_size"), "declare it without half_size: resampling is gear's own"
+
 scale = picture.max() if declared.get("divide_by_maximum") else 1.0
 names = {"red": 0, "green": 1, "blue": 2}
 channels = declared.get("channels", ["red", "green", "blue"])
@@ -29,8 +34,10 @@ height, width = picture.shape[:2]
 padded = [-(-side // multiple) * multiple for side in (height, width)]
 planes = []
 for i, name in enumerate(channels):
-    plane = picture[..., names[name]] / scale if name in names else np.zeros((height, width), np.float32)
-    plane = plane * (declared.get("white", 1) if name in names else 1)
+    if name in names:
+        plane = picture[..., names[name]] / scale * declared.get("white", 1)
+    else:
+        plane = np.load(out / f"{name}.npy")
     mean, std = declared.get("mean") or [0], declared.get("std") or [1]
     plane = (plane - mean[i if len(mean) > 1 else 0]) / std[i if len(std) > 1 else 0]
     planes.append(np.pad(plane, ((0, padded[0] - height), (0, padded[1] - width)), mode="edge"))
@@ -43,8 +50,6 @@ for _ in range(6):
     answer = session.run(None, {name: tensor})[0]
     least = min(least, time.perf_counter() - start)
 answer = answer.reshape(-1, *answer.shape[-2:])[:, :height, :width]
-kind = declared["answer"] if isinstance(declared["answer"], str) else next(iter(declared["answer"]))
-options = {} if isinstance(declared["answer"], str) else declared["answer"][kind]
 if options.get("activation") == "min-max":
     answer = (answer - answer.min()) / (answer.max() - answer.min())
 if kind == "surface":

@@ -2,7 +2,10 @@
 //!
 //! `ort` asserts where a library has the right symbol and no usable interface, so that is asked here first, and is an
 //! error. The library stays loaded: `ort` opens the same file again and gets the same handle.
-#![allow(unsafe_code)]
+#![allow(
+    unsafe_code,
+    reason = "a library is loaded at run time and asked for its version, so that one that `ort` would stop at is an error"
+)]
 
 use std::ffi::{CStr, c_char, c_void};
 use std::path::Path;
@@ -17,11 +20,19 @@ struct ApiBase {
     get_version_string: Option<unsafe extern "system" fn() -> *const c_char>,
 }
 
+/// What the system's loader says is behind the error.
+fn told(error: &libloading::Error) -> String {
+    match std::error::Error::source(error) {
+        Some(cause) => format!("{error}: {cause}"),
+        None => error.to_string(),
+    }
+}
+
 /// Loads the library and asks for its version, such as `1.22.0`. An error says what was found.
 pub(crate) fn version(path: &Path) -> Result<String, String> {
     // SAFETY: loading runs the library's initialisers. The file is one that the user named, on the command line or in
     // the environment, or that the system's loader finds: never one that a graph names.
-    let library = unsafe { libloading::Library::new(path) }.map_err(|error| error.to_string())?;
+    let library = unsafe { libloading::Library::new(path) }.map_err(|error| told(&error))?;
     // SAFETY: the symbol has this type in every release of ONNX Runtime, by its header; a library of another kind that
     // exports the name is taken at its word, as by every program that links it.
     let entry = unsafe { library.get::<unsafe extern "system" fn() -> *const ApiBase>(b"OrtGetApiBase\0") }

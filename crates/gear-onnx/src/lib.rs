@@ -7,7 +7,7 @@
 //!
 //! A network is a value of the graph ([`Model`]) and comes as an input of type `Model`; so keys hold its content and
 //! never its path. What goes into it and what comes out is declared in YAML beside the file ([`Declaration`]): a new
-//! network needs no code. Without the library everything else works, and a node that asks a network says how to get
+//! network needs no code. A few that are published are known by name ([`Familiar`]). Without the library everything else works, and a node that asks a network says how to get
 //! it ([`library`]).
 //!
 //! *What a network gives is not trusted.* Shapes and types are compared with the declaration before and after it runs,
@@ -18,6 +18,7 @@ mod answer;
 pub mod declaration;
 mod dylib;
 mod error;
+mod familiar;
 pub mod library;
 mod model;
 mod planes;
@@ -29,6 +30,7 @@ pub mod testing;
 pub use answer::{Given, MODEL_PORT, answer, demand, missing, required};
 pub use declaration::{Answer, Channel, Declaration};
 pub use error::OnnxError;
+pub use familiar::Familiar;
 pub use library::LibraryFile;
 pub use model::{Model, ModelFile};
 pub use provider::Provider;
@@ -37,7 +39,7 @@ use gear_graph::{Registry, Resources};
 
 /// Version of what surrounds the network: preparation and interpretation. Part of every model's digest, so that raising
 /// it touches the results of networks only.
-pub(crate) const NUMERICS: u32 = 1;
+pub(crate) const NUMERICS: u32 = 2;
 
 /// Where the bits of a network's results are valid: `ort:VERSION:PROVIDER`.
 ///

@@ -8,7 +8,7 @@ use gear_graph::{
 };
 use serde_json::json;
 
-use crate::{Declaration, NUMERICS, OnnxError, proto, testing};
+use crate::{Declaration, Familiar, NUMERICS, OnnxError, proto, testing};
 
 /// The largest message that protobuf can hold.
 const MOST_BYTES: u64 = (1 << 31) - 1;
@@ -26,6 +26,16 @@ impl Model {
     /// A network from the bytes of an ONNX file and the text of its declaration, which people call `name`; without one,
     /// from the declaration that the file carries.
     pub fn new(name: &str, file: &[u8], declaration: Option<&str>) -> Result<Self, OnnxError> {
+        Self::declared(name, file, declaration, None)
+    }
+
+    /// As [`Model::new`]; where nothing else declares it, as the network that gear knows.
+    fn declared(
+        name: &str,
+        file: &[u8],
+        declaration: Option<&str>,
+        known_as: Option<Familiar>,
+    ) -> Result<Self, OnnxError> {
         let bad = |what: String| OnnxError::BadModel(what);
         if file.len() as u64 > MOST_BYTES {
             return Err(bad(format!(
@@ -42,10 +52,12 @@ impl Model {
                     .to_owned(),
             ));
         }
-        let Some(text) = declaration.or(carried.as_deref()) else {
+        let text = declaration.or(carried.as_deref());
+        let Some(text) = text.or(known_as.map(Familiar::declaration)) else {
             return Err(bad(format!(
                 "nothing says what goes into the network and what comes out: expected {name} beside it, in the form that \
-                 the guide's chapter on networks shows"
+                 the guide's chapter on networks shows, or the input's parameter `known_as` ({})",
+                Familiar::ALL.map(Familiar::name).join(", ")
             )));
         };
         let declaration = Declaration::read(name, text).map_err(|mistakes| bad(mistakes.to_string()))?;
@@ -124,7 +136,10 @@ impl Value for Model {
 /// A network from an ONNX file, with the declaration that lies beside it under the same name (`lines.onnx`,
 /// `lines.yaml`), or that the file carries as metadata.
 #[derive(Clone, Debug, Params)]
-pub struct ModelFile {}
+pub struct ModelFile {
+    /// The network that it is, if it is one that gear knows: declares it where nothing else does.
+    pub known_as: Option<Familiar>,
+}
 
 /// Where the declaration lies.
 fn declaration_of(file: &Path) -> PathBuf {
@@ -165,7 +180,8 @@ impl Loader for ModelFile {
             ),
             _ => None,
         };
-        Ok(Model::new(name.trim_matches('`'), &file.read()?, text.as_deref())?)
+        let name = name.trim_matches('`');
+        Ok(Model::declared(name, &file.read()?, text.as_deref(), self.known_as)?)
     }
 }
 
@@ -184,7 +200,7 @@ mod tests {
     }
 
     fn load(path: &Path) -> Result<Model, NodeError> {
-        Loader::load(&ModelFile {}, &FileSource::path(path), &Context::detached())
+        Loader::load(&ModelFile::default(), &FileSource::path(path), &Context::detached())
     }
 
     #[test]
@@ -206,11 +222,29 @@ mod tests {
     }
 
     #[test]
+    fn a_network_that_gear_knows_needs_no_declaration_and_one_that_lies_beside_it_comes_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let pidinet = ModelFile {
+            known_as: Some(Familiar::Pidinet),
+        };
+        let read = |yaml| {
+            let path = written(folder.path(), yaml);
+            let model = pidinet.load(&FileSource::path(&path), &Context::detached()).unwrap();
+            model.declaration().clone()
+        };
+        assert_eq!(read(None).std, [0.229, 0.224, 0.225]);
+        assert!(read(Some("network: 1\nanswer: edges\n")).std.is_empty());
+    }
+
+    #[test]
     fn what_is_wrong_with_a_file_is_said() {
         let folder = tempfile::tempdir().unwrap();
         let told = |path: &Path| load(path).unwrap_err().to_string();
         let message = told(&written(folder.path(), None));
-        assert!(message.contains("expected lines.yaml beside it"), "{message}");
+        assert!(
+            message.contains("expected lines.yaml beside it") && message.contains("`known_as` (pidinet, u2netp,"),
+            "{message}"
+        );
         let path = written(folder.path(), Some("network: 1\nanswer: edge\n"));
         assert!(told(&path).contains("did you mean `edges`?"));
         assert!(told(&path.with_extension("yaml")).contains("give the ONNX file"));

@@ -8,7 +8,7 @@ pub const METADATA_KEY: &str = "gear";
 
 /// The bytes are no protobuf message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("it is no protobuf message")]
+#[error("it is no protobuf message, or was cut off")]
 pub struct NoMessage;
 
 /// What a field holds.

@@ -1,9 +1,11 @@
 //! Small networks for tests, written byte by byte: what the library is asked with where no weights can be had.
 
+use std::path::Path;
+
 use gear_graph::Resources;
 
 use crate::proto::{put_bytes, put_varint};
-use crate::{Declaration, Model, library};
+use crate::{Familiar, Model, library};
 
 /// A small network. All take `x`, `[1, 3, h, w]`, unless they say otherwise, and give `y`.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,21 +88,31 @@ pub fn can_run() -> bool {
     }
 }
 
-/// A model from the folder that `GEAR_TEST_MODELS` names, with a declaration; `None`, and a word on standard error, where
+/// A model from the folder that `GEAR_TEST_MODELS` names, which gear knows; `None`, and a word on standard error, where
 /// it is not set or there is no such file.
 ///
 /// # Panics
 /// If the file cannot be read as a network.
-pub fn shared(file: &str, declaration: &str) -> Option<Model> {
+pub fn shared(file: &str, known_as: Familiar) -> Option<Model> {
     let folder = std::env::var_os("GEAR_TEST_MODELS");
-    let path = folder.map(|folder| std::path::Path::new(&folder).join(file));
+    let path = folder.map(|folder| Path::new(&folder).join(file));
     let bytes = path.and_then(|path| std::fs::read(path).ok());
     if bytes.is_none() {
         eprintln!("skipped: GEAR_TEST_MODELS names no folder with {file}");
     }
-    let checked = Declaration::read(file, declaration);
-    assert!(checked.is_ok(), "{checked:?}");
-    bytes.map(|bytes| Model::new(file, &bytes, Some(declaration)).unwrap_or_else(|error| panic!("{file}: {error}")))
+    let read = |bytes: Vec<u8>| Model::new(file, &bytes, Some(known_as.declaration()));
+    bytes.map(|bytes| read(bytes).unwrap_or_else(|error| panic!("{file}: {error}")))
+}
+
+/// gear's own prior, which is a file of the repository.
+///
+/// # Panics
+/// If it is not there.
+pub fn prior() -> Model {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("networks/prior_unet.onnx");
+    let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let model = Model::new("prior_unet", &bytes, Some(Familiar::PriorUnet.declaration()));
+    model.unwrap_or_else(|error| panic!("{error}"))
 }
 
 const FLOAT: u64 = 1;

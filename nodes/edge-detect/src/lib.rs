@@ -116,7 +116,7 @@ impl Node for EdgeDetect {
 /// The contours that the network sees.
 fn network(inputs: &In, provider: Provider, ctx: &Context) -> Result<Field, NodeError> {
     let model = gear_onnx::required(&inputs.model)?;
-    model.declaration().expect("edges")?;
+    model.declaration().expect(&["edges"])?;
     let given = Given {
         rgb: &inputs.image.rgb,
         planes: &[],

@@ -152,6 +152,7 @@ mod network {
     //! Networks that the tests make, and PiDiNet where its file is.
 
     use super::*;
+    use gear_onnx::Familiar;
     use gear_onnx::testing::{Net, can_run, model, shared};
 
     fn node() -> EdgeDetect {
@@ -205,12 +206,10 @@ mod network {
         assert_eq!(EdgeDetect::default().realm(&Resources::default()), "cpu");
     }
 
-    const PIDINET: &str = "network: 1\nmean: [0.485, 0.456, 0.406]\nstd: [0.229, 0.224, 0.225]\nanswer: edges\n";
-
     #[test]
     fn pidinet_outlines_a_disc() {
         for file in ["table5_pidinet.onnx", "table5_pidinet-tiny.onnx"] {
-            let Some(pidinet) = shared(file, PIDINET).filter(|_| can_run()) else {
+            let Some(pidinet) = shared(file, Familiar::Pidinet).filter(|_| can_run()) else {
                 continue;
             };
             let edges = asked(pidinet, disc()).unwrap();

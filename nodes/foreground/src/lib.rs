@@ -3,7 +3,8 @@
 //! Made from the original painting and wired to everyone who needs it: later pictures have shifted colours. A mask
 //! that the user gives comes first; then a rough box; else the figure is searched for before the ground
 //! that the picture's rim shows (colour models and a minimum cut: Rother et al., *GrabCut*, 2004; see
-//! `gear_relief::mask`), or a saliency network is asked, such as U²-Net. When no figure can be trusted the whole canvas is the subject, and the mask is full.
+//! `gear_relief::mask`), or a saliency network is asked, such as U²-Net. When no figure can be trusted the whole canvas is
+//! the subject, and the mask is full.
 
 use std::sync::Arc;
 
@@ -175,7 +176,7 @@ impl Foreground {
 /// What the network takes for figure, 0 to 1.
 fn saliency(inputs: &In, provider: Provider, ctx: &Context) -> Result<Field, NodeError> {
     let model = gear_onnx::required(&inputs.model)?;
-    model.declaration().expect("saliency")?;
+    model.declaration().expect(&["saliency"])?;
     let given = Given {
         rgb: &inputs.image.rgb,
         planes: &[],
@@ -331,6 +332,7 @@ mod tests {
         //! Networks that the tests make, and U²-Net where its file is.
 
         use super::*;
+        use gear_onnx::Familiar;
         use gear_onnx::testing::{Net, can_run, model, shared, with};
 
         fn node() -> Foreground {
@@ -429,13 +431,9 @@ mod tests {
             testing::assert_extremes(&node());
         }
 
-        const U2NET: &str = "network: 1\nmean: [0.485, 0.456, 0.406]\nstd: [0.229, 0.224, 0.225]\n\
-                             divide_by_maximum: true\nsize: {fixed: {width: 320, height: 320}}\n\
-                             answer: {saliency: {activation: min-max}}\n";
-
         #[test]
         fn u2net_finds_the_vessel() {
-            let Some(u2net) = shared("u2netp.onnx", U2NET).filter(|_| can_run()) else {
+            let Some(u2net) = shared("u2netp.onnx", Familiar::U2netp).filter(|_| can_run()) else {
                 return;
             };
             let sample = vessel();

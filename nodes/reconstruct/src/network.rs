@@ -6,7 +6,7 @@ use gear_image::{Field, LinearImage, Mask};
 use gear_onnx::declaration::Depth;
 use gear_onnx::{Answer, Channel, Given};
 use gear_relief::guided::{self, Foundation, Guide};
-use gear_relief::height::Relief;
+use gear_relief::height::{Mode, Relief};
 
 use crate::{In, Method, Reconstruct};
 
@@ -31,10 +31,8 @@ pub(crate) fn relief(
         return Err(NodeError::new("only the method depth-network asks a network"));
     };
     let model = gear_onnx::required(&inputs.model)?;
+    model.declaration().expect(&["depth", "surface"])?;
     let answer = &model.declaration().answer;
-    if !matches!(answer, Answer::Depth { .. } | Answer::Surface { .. }) {
-        model.declaration().expect("depth")?;
-    }
     let settings = node.height_settings();
     let foundation = Foundation::of(light, mask, &settings);
     ctx.checkpoint()?;
@@ -76,9 +74,24 @@ pub(crate) fn relief(
         }
     };
     let extent = extent.value().map(|share| share as f32);
-    let (relief, used) = guided::estimate(light, foundation, guide, extent, &settings);
+    let (mut relief, used) = guided::estimate(light, foundation, guide, extent, &settings);
     if !used {
         ctx.note("the network says the same depth everywhere; the body of the silhouette is used");
     }
+    // Depth tells which rim of a whole canvas is nearer; normals and a height beside them hardly do.
+    if relief.mode == Mode::Relief && (!used || matches!(answer, Answer::Surface { .. })) {
+        tilt(&mut relief, settings.base.ramp);
+    }
     Ok(relief)
+}
+
+/// Brings the lower rim nearer, as the embedded relief does.
+fn tilt(relief: &mut Relief, ramp: f32) {
+    let width = relief.height.width();
+    for field in [&mut relief.height, &mut relief.base] {
+        for (y, row) in field.data_mut().chunks_mut(width).enumerate() {
+            row.iter_mut().for_each(|h| *h += ramp * y as f32);
+        }
+    }
+    relief.tilt = ramp;
 }

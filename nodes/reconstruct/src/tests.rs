@@ -197,10 +197,10 @@ fn summaries_on_a_ball_are_pinned() {
 }
 
 mod network {
-    //! Networks that the tests make, and the prior where its file is.
+    //! Networks that the tests make, and gear's own prior.
 
     use super::*;
-    use gear_onnx::testing::{Net, can_run, model, shared, with};
+    use gear_onnx::testing::{Net, can_run, model, prior, with};
 
     const INVERSE: &str = "network: 1\nanswer: {depth: {of: inverse}}\n";
     const METRIC: &str = "network: 1\nanswer: {depth: {of: metric}}\n";
@@ -312,15 +312,12 @@ mod network {
         testing::assert_extremes(&node());
     }
 
-    const PRIOR: &str = "network: 1\nchannels: [red, green, blue, mask, edges, base-normal-x, base-normal-y, base-height]\n\
-                         size: {any: {multiple: 16}}\nanswer: {surface: {height: 32, half_size: true}}\n";
-
     #[test]
     fn the_prior_makes_a_ball_of_a_ball() {
-        let Some(prior) = shared("prior_unet.onnx", PRIOR).filter(|_| can_run()) else {
+        if !can_run() {
             return;
-        };
+        }
         let (image, mask) = ball();
-        assert_hemisphere(asked(&node(), &prior, &image, &mask), 0.08);
+        assert_hemisphere(asked(&node(), &prior(), &image, &mask), 0.08);
     }
 }

@@ -32,7 +32,7 @@ pub(crate) fn translate(
     mask: Option<&std::sync::Arc<Mask>>,
     ctx: &Context,
 ) -> Result<SrgbImage, NodeError> {
-    model.declaration().expect("picture")?;
+    model.declaration().expect(&["picture"])?;
     let (width, height) = painting.size();
     let inside = mask
         .filter(|mask| !mask.is_empty())
