@@ -69,6 +69,10 @@ pub fn conformance(folder: &Path, registry: &Registry, params: &Value, tell: &mu
         }
         let given = params.get(&node.name).cloned().unwrap_or(json!({}));
         say(&format!("{}: extreme inputs", node.name), extremes(node_type, &given));
+        say(
+            &format!("{}: an answer to some of them", node.name),
+            answers(node_type, &given),
+        );
         if node.deterministic {
             say(
                 &format!("{}: the same bits from another process", node.name),
@@ -105,7 +109,7 @@ fn nonsense(folder: &Path, plugin: &Plugin) -> Result<(), String> {
     let patience = plugin.manifest().timeouts.start();
     let mut worker = Worker::start(folder, plugin.manifest()).map_err(|error| error.to_string())?;
     worker.greet().map_err(|error| error.to_string())?;
-    let mut ask = |method: &str, params: Value| worker.ask(method, params, patience, "to a strange request", None);
+    let mut ask = |method: &str, params: Value| worker.ask(method, params, patience, "during a strange request", None);
     match ask("no-such-method", json!({})) {
         Err(Failure::Remote { code: -32601, .. }) => {}
         other => {
@@ -150,11 +154,29 @@ fn extremes(node: &NodeType, params: &Value) -> Result<(), String> {
     quietly(|| gear_graph::testing::assert_type(node, params))
 }
 
-fn elsewhere(plugin: &Plugin, node: &NodeType, params: &Value) -> Result<(), String> {
-    let subject = Subject::of(node, params).map_err(|problems| {
+fn subject(node: &NodeType, params: &Value) -> Result<Subject, String> {
+    Subject::of(node, params).map_err(|problems| {
         let causes: Vec<_> = problems.into_iter().map(|problem| problem.message).collect();
         causes.join("; ")
-    })?;
+    })
+}
+
+/// An error is a good answer to an extreme input; to every one of them it is none.
+fn answers(node: &NodeType, params: &Value) -> Result<(), String> {
+    let given = subject(node, params)?.answers(ASKED_AGAIN);
+    match given
+        .iter()
+        .find_map(|(case, answer)| Some((case, answer.as_ref().err()?)))
+    {
+        Some((case, error)) if given.iter().all(|(_, answer)| answer.is_err()) => {
+            Err(format!("none of {} inputs is answered; {case}: {error}", given.len()))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn elsewhere(plugin: &Plugin, node: &NodeType, params: &Value) -> Result<(), String> {
+    let subject = subject(node, params)?;
     let first = subject.answers(ASKED_AGAIN);
     plugin.rest();
     let second = subject.answers(ASKED_AGAIN);

@@ -6,9 +6,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use serde::Deserialize;
+use serde::de::{Error as _, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use serde_saphyr::{MessageFormatter, UserMessageFormatter};
 
 use crate::PluginError;
+use crate::lines::for_people;
 
 /// The name of the file that makes a folder a plugin.
 pub const FILE_NAME: &str = "plugin.yaml";
@@ -39,6 +42,7 @@ pub struct Manifest {
     pub doc: String,
     /// The program and its arguments. A program with a `/` is relative to the folder; `python` is the folder's own
     /// `.venv` if there is one, else the first of `python3` and `python` on the path.
+    #[serde(deserialize_with = "program_and_arguments")]
     pub command: Vec<String>,
     /// Variables that the program gets.
     #[serde(default)]
@@ -141,6 +145,49 @@ impl Timeouts {
     }
 }
 
+/// What is wrong with the YAML, and on which line.
+fn told(error: &serde_saphyr::Error) -> String {
+    let error = error.without_snippet();
+    let message = UserMessageFormatter.format_message(error);
+    let message = for_people(&message);
+    match error.location() {
+        Some(at) => format!("line {}: {message}", at.line()),
+        None => message,
+    }
+}
+
+/// A list. One line, as for a shell, is the mistake that people make, so it has a message of its own.
+fn program_and_arguments<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    struct List;
+    impl<'de> Visitor<'de> for List {
+        type Value = Vec<String>;
+
+        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            f.write_str("a list such as [python, worker.py]")
+        }
+
+        fn visit_str<E: serde::de::Error>(self, line: &str) -> Result<Self::Value, E> {
+            let words: Vec<_> = line.split_whitespace().collect();
+            Err(E::custom(format!(
+                "`command` is a list, such as [{}]: there is no shell that would take a line apart",
+                words.join(", ")
+            )))
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Self::Value, A::Error> {
+            let mut list = Vec::new();
+            while let Some(item) = items.next_element()? {
+                list.push(item);
+            }
+            if list.is_empty() {
+                return Err(A::Error::custom("`command` must be a list that begins with a program"));
+            }
+            Ok(list)
+        }
+    }
+    deserializer.deserialize_any(List)
+}
+
 fn whole_folder() -> Vec<PathBuf> {
     vec![PathBuf::from(".")]
 }
@@ -166,7 +213,7 @@ impl Manifest {
 
     /// Reads a manifest from its text.
     fn parse(text: &str) -> Result<Self, String> {
-        let manifest: Self = serde_saphyr::from_str(text).map_err(|error| error.to_string())?;
+        let manifest: Self = serde_saphyr::from_str(text).map_err(|error| told(&error))?;
         let Timeouts { start, run, cancel } = manifest.timeouts;
         let odd_name = |name: &String| name.is_empty() || name.contains(['=', '\0']);
         let variables = manifest.environment.pass.iter().chain(manifest.environment.set.keys());
@@ -257,7 +304,10 @@ mod tests {
         assert!(refused("timeouts: {run: .inf}\n").contains("seconds"));
         assert!(refused("environment: {set: {'A=B': x}}\n").contains("no name of a variable"));
         assert!(refused("resources: {gpu: 4}\n").contains("0 or 1"));
+        assert!(refused("name: a\n").starts_with("line 4: ") && !refused("name: a\n").contains("Policy"));
+        assert!(refused("timeouts: {run: long}\n").starts_with("line 4: "));
         let wrong = |text: &str| Manifest::parse(text).unwrap_err();
+        assert!(wrong("gear-plugin: 1\nname: a\ncommand: python worker.py\n").contains("such as [python, worker.py]"));
         assert!(wrong("gear-plugin: 2\nname: a\ncommand: [x]\n").contains("another version"));
         assert!(wrong("gear-plugin: 1\nname: ../a\ncommand: [x]\n").contains("small letters"));
         assert!(wrong("gear-plugin: 1\nname: a\ncommand: []\n").contains("begins with a program"));

@@ -134,7 +134,7 @@ impl Worker {
             "scratch": self.scratch.path(),
         });
         let patience = self.manifest.timeouts.start();
-        let answer = self.ask("initialize", params, patience, "to the handshake", None)?;
+        let answer = self.ask("initialize", params, patience, "during the handshake", None)?;
         let hello: Hello = serde_json::from_value(answer)
             .map_err(|error| self.broken(format!("its answer to the handshake: {error}")))?;
         if hello.protocol != PROTOCOL {

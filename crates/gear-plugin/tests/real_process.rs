@@ -192,7 +192,7 @@ fn a_handshake_that_goes_wrong_is_told() {
     };
     change(folder.path(), "start: 60", "start: 1");
     let told = Plugin::open(folder.path(), None).map(|_| ()).unwrap_err().to_string();
-    assert!(told.contains("no answer to the handshake in 1 s"), "{told}");
+    assert!(told.contains("no answer during the handshake in 1 s"), "{told}");
     let Some(folder) = folder_many() else { return };
     let plugin = Plugin::open(folder.path(), None).unwrap();
     let told = plugin.register(&mut Registry::new()).unwrap_err().to_string();
@@ -447,6 +447,12 @@ fn the_test_of_a_plugin_finds_what_is_wrong() {
         "another process",
     );
     assert!(random.contains("in another"), "{random}");
+    let useless = wrong(
+        folder.path(),
+        serde_json::json!({"Odd": {"mode": "fails"}}),
+        "an answer to some",
+    );
+    assert!(useless.contains("not to my taste; give another"), "{useless}");
     let Some(folder) = self::folder("environment: {set: {ODD_HANDSHAKE: unstable}}\n") else {
         return;
     };

@@ -73,7 +73,9 @@ pub fn new_plugin(args: &NewPluginArgs, registry: &Registry, console: &Console) 
     })?;
     let shown = folder.display();
     console.result(&format!(
-        "{shown}: the node {node}, in worker.py\n\ntry it:\n  gear plugin check {shown}\n  gear nodes {node} --plugin {shown}"
+        "{shown}: the node {node}, in worker.py\n\nits Python needs numpy; for one of its own:\n  \
+         python3 -m venv {shown}/.venv\n  {shown}/.venv/bin/pip install -r {shown}/requirements.txt\n\n\
+         try it:\n  gear plugin check {shown}\n  gear nodes {node} --plugin {shown}"
     ));
     Ok(Exit::Done)
 }
