@@ -30,6 +30,7 @@ python:
 flux venv="target/flux":
     test -d {{venv}} || (python3 -m venv {{venv}} && {{venv}}/bin/pip install -r nodes/python/flux_kontext/requirements.txt)
     cd nodes/python/flux_kontext && GEAR_TEST_DIFFUSERS=1 PYTHONPATH=.. ../../../{{venv}}/bin/python -m unittest -v test_real_diffusers
+    GEAR_TEST_DIFFUSERS_PYTHON={{absolute_path(venv)}}/bin/python cargo test --package gear-tests --test system -- --ignored the_real_pipeline_class
 
 # The reference of nodes and values in the guide, from their definitions.
 reference:

@@ -105,3 +105,20 @@ fn a_library_that_is_none_is_told_with_how_to_get_one() {
         "{stderr}"
     );
 }
+
+#[test]
+fn a_network_that_gear_knows_needs_a_word_and_no_declaration() {
+    let desk = Desk::new();
+    desk.file("a.onnx", onnx(&Net::Edges));
+    let (code, _, stderr) = run(&desk, &["--input", "lines=a.onnx"]);
+    assert_eq!(code, 2);
+    assert!(stderr.contains("`known_as` (pidinet, u2netp,"), "{stderr}");
+    let known = |set| ["--input", "lines=a.onnx", "--set", set];
+    let (code, _, stderr) = run(&desk, &known("lines.known_as=pidinett"));
+    assert_eq!(code, 2);
+    assert!(stderr.contains("did you mean `pidinet`?"), "{stderr}");
+    if can_run() {
+        let ran = ran(&desk, &known("lines.known_as=pidinet"));
+        assert!(ran.contains(&"edges".to_owned()), "{ran:?}");
+    }
+}

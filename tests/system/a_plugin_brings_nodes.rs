@@ -194,6 +194,70 @@ fn plugins_that_come_with_gear_describe_themselves_as_gear_has_them() {
     }
 }
 
+/// Two edits by a FluxKontextPipeline whose networks are as small as their classes allow, and random.
+const FLUX: &str = "gear: 1\ninputs: {painting: {type: Image, with: {size: 96}}}\nnodes:\n  \
+                    stone: {node: FluxKontext, in: {image: painting}, with: {steps: 2, area: 4096, seed: 3}}\n  \
+                    other: {node: FluxKontext, in: {image: painting}, with: {steps: 2, area: 4096, seed: 4}}\n  \
+                    edges: {node: EdgeDetect, in: {image: stone.image}}\n\
+                    outputs: {stone: stone.image, other: other.image, edges: edges.edges}\n";
+
+#[test]
+#[ignore = "needs torch and diffusers, gigabytes: `just flux` installs them and runs this"]
+fn the_real_pipeline_class_of_flux_kontext_runs_in_a_graph() {
+    let python = std::env::var("GEAR_TEST_DIFFUSERS_PYTHON").expect("the python of an environment with diffusers");
+    let folder = root().join("nodes/python/flux_kontext");
+    let desk = Desk::new();
+    let write = "import sys; from pathlib import Path; from test_real_diffusers import tiny_pipeline; \
+                 tiny_pipeline(Path(sys.argv[1]))";
+    let written = Command::new(&python)
+        .args(["-c", write, &desk.path("weights").display().to_string()])
+        .current_dir(&folder)
+        .env("PYTHONPATH", "..")
+        .env("PYTHONDONTWRITEBYTECODE", "1")
+        .output()
+        .unwrap();
+    assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));
+    desk.file("flux.yaml", FLUX);
+    // As in an active environment.
+    let bin = Path::new(&python).parent().unwrap();
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    let run = |more: &[&str]| -> Done {
+        let plugin = folder.display().to_string();
+        let mut arguments = vec![
+            "run",
+            "flux.yaml",
+            "--input",
+            "painting=sample:court-lady",
+            "--plugin",
+            &plugin,
+        ];
+        arguments.extend(more);
+        let mut command = desk.command(&arguments);
+        command
+            .env("PATH", &path)
+            .env("FLUX_KONTEXT_WEIGHTS", desk.path("weights"));
+        command
+            .env("FLUX_KONTEXT_DEVICE", "cpu")
+            .env("PYTHONDONTWRITEBYTECODE", "1");
+        Done::from(command.output().unwrap()).exits(0)
+    };
+    run(&["--cache-nondeterministic"]);
+    let record = desk.record("out");
+    assert!(
+        record.0.to_string().contains("plugin:flux-kontext:"),
+        "the realm is in the record"
+    );
+    let bytes = |name: &str| std::fs::read(desk.path("out").join(name)).unwrap();
+    assert_ne!(bytes("stone.png"), bytes("other.png"), "another seed, another picture");
+    let size = gear_image::io::read_image(&desk.path("out/stone.png"), &Default::default())
+        .unwrap()
+        .image
+        .size();
+    assert_eq!(size, (72, 96), "the painting's");
+    run(&["--cache-nondeterministic"]);
+    assert!(desk.record("out").with_status("ran").is_empty(), "what it made is kept");
+}
+
 #[test]
 fn the_python_package_keeps_its_promises() {
     let Some(python) = python() else { return };

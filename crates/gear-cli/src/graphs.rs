@@ -41,6 +41,7 @@ pub fn shipped() -> &'static [Shipped] {
         "ablations/without-restitution",
         "services/images",
         "services/comfyui",
+        "services/judge",
         "networks/edges",
         "networks/foreground",
         "networks/depth",
@@ -52,6 +53,7 @@ pub fn shipped() -> &'static [Shipped] {
 pub fn experiments() -> &'static [Shipped] {
     embed![
         "studies/table-1",
+        "studies/table-2",
         "studies/table-3",
         "studies/table-4",
         "studies/table-5",

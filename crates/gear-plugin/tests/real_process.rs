@@ -213,6 +213,18 @@ fn a_program_that_cannot_be_started_is_told() {
 }
 
 #[test]
+fn no_shell_reads_the_command() {
+    let Some(folder) = folder("") else { return };
+    change(
+        folder.path(),
+        ", worker.py]",
+        ", worker.py, '; touch pwned', '$(touch pwned)', '`touch pwned`']",
+    );
+    assert_eq!(bench(folder.path()).run(&["well"]).1, [Some(5.0)]);
+    assert!(!folder.path().join("pwned").exists());
+}
+
+#[test]
 fn an_interrupted_run_stops_the_worker_that_does_not_listen() {
     let Some(folder) = folder("") else { return };
     let bench = bench(folder.path());

@@ -41,8 +41,8 @@ impl<'a> Chat<'a> {
         &self.0
     }
 
-    /// Says something and asks for a JSON object in return.
-    pub fn ask(&self, system: &str, parts: &[Part], seed: u64, temperature: f64) -> Result<Said, ServiceError> {
+    /// Says something and asks for a JSON object in return. Not every model knows a temperature.
+    pub fn ask(&self, system: &str, parts: &[Part], seed: u64, temperature: Option<f64>) -> Result<Said, ServiceError> {
         let content: Vec<Value> = parts
             .iter()
             .map(|part| match part {
@@ -53,14 +53,16 @@ impl<'a> Chat<'a> {
                 }
             })
             .collect();
-        let body = json!({
+        let mut body = json!({
             "model": self.0.endpoint().model(),
             "messages": [{"role": "system", "content": system}, {"role": "user", "content": content}],
             "response_format": {"type": "json_object"},
             "seed": seed,
-            "temperature": temperature,
-        })
-        .to_string();
+        });
+        if let Some(temperature) = temperature {
+            body["temperature"] = temperature.into();
+        }
+        let body = body.to_string();
         let answer = self.0.send(&Request {
             method: Method::POST,
             address: "/chat/completions".to_owned(),

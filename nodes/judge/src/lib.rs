@@ -17,7 +17,7 @@ pub use verdict::Verdict;
 
 use std::sync::Arc;
 
-use gear_graph::{Context, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Resources, Want};
+use gear_graph::{Context, Inputs, Node, NodeError, OrAuto, Outputs, Params, Registry, Report, Resources, Want};
 use gear_image::Image;
 use gear_service::{Kind, Patience, Services};
 use gear_splat::Views;
@@ -40,9 +40,9 @@ pub struct Judge {
     /// Views of each method that are shown, spread over all.
     #[param(default = 5, range = 1..=16)]
     pub shown: usize,
-    /// How freely the model answers.
-    #[param(default = 0.0, range = 0.0..=2.0)]
-    pub temperature: f64,
+    /// How freely the model answers; `auto` says nothing, for models that know no temperature.
+    #[param(default = OrAuto::Value(0.0), range = 0.0..=2.0)]
+    pub temperature: OrAuto<f64>,
     /// How often an answer that cannot be used is sent back, in each vote.
     #[param(default = 2, range = 0..=10)]
     pub repairs: u32,

@@ -88,6 +88,15 @@ fn methods_get_their_own_scores_whatever_the_order() {
     assert_eq!(report["votes"][0]["answered"], "judge-1");
     let body = String::from_utf8(server.received()[0].body.clone()).unwrap();
     assert!(!body.contains("ours") && !body.contains("raw"), "the judge is blind");
+    assert!(body.contains("\"temperature\":0.0"), "{body}");
+    let free = Judge {
+        temperature: OrAuto::Auto,
+        votes: 1,
+        ..judge()
+    };
+    assert!(free.run(inputs(3), &Want::all::<Out>(), &ctx(&server)).is_ok());
+    let last = server.received().pop().unwrap();
+    assert!(!String::from_utf8(last.body).unwrap().contains("temperature"));
 }
 
 #[test]

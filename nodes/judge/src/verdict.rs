@@ -13,7 +13,8 @@ use crate::tally::DIMENSIONS;
 /// One method's scores, from the report of a Judge.
 #[derive(Clone, Debug, Params)]
 pub struct Verdict {
-    /// The method, as the Judge's parameter `methods` calls it.
+    /// The method, as the Judge's parameter `methods` calls it; empty for the first.
+    #[param(default = String::new())]
     pub method: String,
 }
 
@@ -53,7 +54,8 @@ fn verdict(judged: &Value, wanted: &str) -> Result<Map<String, Value>, NodeError
             "found a report without `methods`; wire the report of a Judge here",
         ));
     };
-    let Some(method) = methods.iter().find(|method| method["name"] == wanted) else {
+    let named = |method: &&Value| wanted.is_empty() || method["name"] == wanted;
+    let Some(method) = methods.iter().find(named) else {
         let names: Vec<_> = methods.iter().filter_map(|method| method["name"].as_str()).collect();
         return Err(NodeError::param(
             "method",
@@ -108,6 +110,7 @@ mod tests {
         let expected =
             json!({"TF": 9.0, "GA": 2.0, "VC": 3.0, "AC": 4.0, "mean": 2.5, "agreement": null, "position_bias": 0.5});
         assert_eq!(asked(judged(), "GeAR").unwrap(), expected);
+        assert_eq!(asked(judged(), "").unwrap()["TF"], 1.0, "the first");
     }
 
     #[test]

@@ -64,7 +64,7 @@ impl<'a> Bench<'a> {
                 SYSTEM,
                 &parts,
                 self.judge.seed + u64::from(number),
-                self.judge.temperature,
+                self.judge.temperature.value(),
             )?;
             match scores(&said.text, order.len()) {
                 Ok(scores) => {
