@@ -21,6 +21,23 @@ impl Secret {
         }
         text.replace(&self.0, "[key]")
     }
+
+    /// The same for what may be no text. A picture in which the key stood cannot be read afterwards, and is refused.
+    pub(crate) fn redact_bytes(&self, bytes: Vec<u8>) -> Vec<u8> {
+        let key = self.0.as_bytes();
+        let found = |bytes: &[u8]| bytes.windows(key.len()).position(|window| window == key);
+        if key.len() < 4 || found(&bytes).is_none() {
+            return bytes;
+        }
+        let (mut out, mut rest) = (Vec::with_capacity(bytes.len()), &bytes[..]);
+        while let Some(at) = found(rest) {
+            out.extend_from_slice(&rest[..at]);
+            out.extend_from_slice(b"[key]");
+            rest = &rest[at + key.len()..];
+        }
+        out.extend_from_slice(rest);
+        out
+    }
 }
 
 impl fmt::Debug for Secret {
@@ -192,6 +209,14 @@ impl Endpoint {
         self.key.as_ref()
     }
 
+    /// `bytes` without the key.
+    pub(crate) fn redact_bytes(&self, bytes: Vec<u8>) -> Vec<u8> {
+        match &self.key {
+            Some(key) => key.redact_bytes(bytes),
+            None => bytes,
+        }
+    }
+
     /// `text` without the key.
     pub(crate) fn redact(&self, text: &str) -> String {
         match &self.key {
@@ -319,6 +344,10 @@ mod tests {
         let endpoint = Endpoint::new("https://a.example", "m", Some("sk-12345".into())).unwrap();
         assert!(!format!("{endpoint:?}").contains("12345"));
         assert_eq!(endpoint.redact("bad key sk-12345!"), "bad key [key]!");
+        assert_eq!(
+            endpoint.redact_bytes(b"\xffsk-12345sk-1234\0sk-12345".to_vec()),
+            b"\xff[key]sk-1234\0[key]"
+        );
     }
 
     #[test]

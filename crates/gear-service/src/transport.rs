@@ -309,8 +309,9 @@ impl Exchange {
         };
         if status.is_success() {
             return Try::Answered(Answer {
-                content_type: content_type.unwrap_or_default(),
-                body,
+                content_type: self.endpoint.redact(&content_type.unwrap_or_default()),
+                // What is said becomes part of results and reports.
+                body: self.endpoint.redact_bytes(body),
             });
         }
         let error = ServiceError::Refused {

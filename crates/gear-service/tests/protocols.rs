@@ -264,6 +264,20 @@ fn an_answer_that_is_no_picture_of_ours_is_refused() {
 }
 
 #[test]
+fn a_key_that_the_answer_repeats_is_not_kept() {
+    let studio = Studio::new(grey);
+    let (_server, edited) = images(move |asked| {
+        let reply = studio.answer(asked);
+        reply.map_body(|body| {
+            let text = String::from_utf8(body).unwrap();
+            assert!(text.contains("painter-2026"));
+            text.replace("painter-2026", KEY).into_bytes()
+        })
+    });
+    assert_eq!(edited.unwrap().model.as_deref(), Some("[key]"));
+}
+
+#[test]
 fn a_huge_answer_is_not_read() {
     let server = Server::start(|_| Reply::json(200, &" ".repeat(300_000)));
     let ctx = lent(&server, Kind::Images);

@@ -93,6 +93,12 @@ impl Reply {
         self
     }
 
+    /// With another body, made of its own.
+    pub fn map_body(mut self, change: impl FnOnce(Vec<u8>) -> Vec<u8>) -> Self {
+        self.body = change(self.body);
+        self
+    }
+
     /// After a while.
     pub fn after(mut self, delay: Duration) -> Self {
         self.delay = delay;
