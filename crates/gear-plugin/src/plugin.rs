@@ -108,7 +108,7 @@ impl Plugin {
     /// If the folder is no plugin, or the worker does not answer.
     pub fn ask(folder: &Path) -> Result<Arc<Self>, PluginError> {
         let mut plugin = Self::without_nodes(folder)?;
-        plugin.nodes = plugin.hello(None).map_err(|failure| plugin.failed(failure))?.nodes;
+        plugin.nodes = plugin.introduced()?;
         Ok(Arc::new(plugin))
     }
 
@@ -173,13 +173,20 @@ impl Plugin {
         if let Some(file) = kept.as_ref().and_then(read) {
             return Ok(file.nodes);
         }
-        let nodes = self.hello(None).map_err(|failure| self.failed(failure))?.nodes;
+        let nodes = self.introduced()?;
         if let Some(path) = kept
             && let Err(error) = keep(&path, &NodesFile::new(nodes.clone()))
         {
             tracing::warn!(plugin = self.name(), %error, "what the plugin says of its nodes is not kept");
         }
         Ok(nodes)
+    }
+
+    /// Its nodes, as a worker tells them, which then stays: keys are made of what it said, and nodes run in it.
+    fn introduced(&self) -> Result<Vec<NodeDescription>, PluginError> {
+        let hello = self.hello(None).map_err(|failure| self.failed(failure))?;
+        self.identity.get_or_init(|| self.identity_of(&hello));
+        Ok(hello.nodes)
     }
 
     fn failed(&self, failure: Failure) -> PluginError {

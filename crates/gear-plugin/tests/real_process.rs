@@ -104,6 +104,17 @@ fn a_worker_stays_for_the_nodes_that_follow() {
 }
 
 #[test]
+fn a_plugin_that_nothing_describes_is_started_once() {
+    let beside = tempfile::tempdir().unwrap();
+    let starts = beside.path().join("starts");
+    let set = format!("environment: {{set: {{ODD_STARTS: {}}}}}\n", starts.display());
+    let Some(folder) = folder(&set) else { return };
+    assert_eq!(bench(folder.path()).run(&["well"]).1, [Some(5.0)]);
+    let started = std::fs::read_to_string(starts).unwrap();
+    assert_eq!(started.lines().count(), 1, "{started}");
+}
+
+#[test]
 fn a_worker_that_dies_half_way_costs_its_node_and_nothing_else() {
     let Some(folder) = folder("") else { return };
     let told = bench(folder.path()).failure("die");

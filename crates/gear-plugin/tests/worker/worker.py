@@ -30,6 +30,9 @@ def die():
 
 
 def handshake():
+    if "ODD_STARTS" in os.environ:
+        with open(os.environ["ODD_STARTS"], "a") as file:
+            file.write(f"{os.getpid()}\n")
     if MODE_IN_HANDSHAKE == "exit":
         print("no such model", file=sys.stderr, flush=True)
         sys.exit(3)
