@@ -31,7 +31,7 @@ fn main() {
         let mut total = vec![(Score::default(), Score::default()); variants.len()];
         let objects = objects();
         for object in &objects {
-            let alone = score(&inflated(&object.mask, None, &HeightSettings::default().base), object);
+            let alone = score(&inflated(&object.mask, &HeightSettings::default().base), object);
             let mut sums = vec![(Score::default(), 0.0, 0.0); variants.len()];
             let mut n = 0.0;
             for kind in std::env::var("ALB")

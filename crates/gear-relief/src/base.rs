@@ -1,12 +1,13 @@
 //! The base: the body a silhouette suggests.
 //!
-//! *Figure.* `−Δu + puff·ink·u = 4` on the mask, `u = 0` outside it, open at the picture's frame, and
-//! `h = inflate·√u`. On a disc `u = ρ² − r²`, so h is the exact hemisphere; on a strip it is a cylinder's profile. The
-//! operator is an M-matrix: `0 ≤ u ≤ u|puff=0`, and u falls as `puff` grows.
+//! *Figure.* `−Δu = 4` on the mask, `u = 0` outside it, open at the picture's frame, and `h = inflate·√u`. On a disc
+//! `u = ρ² − r²`, so h is the exact hemisphere; on a strip it is a cylinder's profile. Nothing of the picture is looked
+//! at: lines are [creases](crate::crease), detail on the body that leaves its shape at large alone. (Lines that absorbed
+//! `u` bent the body, and where ornament passed for lines they flattened it.)
 //!
 //! *Relief.* A whole canvas has no silhouette. Contours of every kind absorb, `1/ℓ²` bounds the height by 2ℓ, the
 //! source follows the density of contours (figures rather than sky), and a ramp makes the lower part of the
-//! picture nearer: `−Δu + (κE² + puff·ink + 1/ℓ²) u = 4F`, `h = 1.2 √u + ramp·y`.
+//! picture nearer: `−Δu + (κE² + 1/ℓ²) u = 4F`, `h = 1.2 √u + ramp·y`.
 //!
 //! Absorptions are given for a picture whose longer side is 1 and divided by the side squared, so a surface does
 //! not depend on the resolution.
@@ -16,15 +17,13 @@ use gear_image::filter::gaussian;
 use gear_image::solve::{Coefficients, GridSystem, Outside, SolveOptions};
 use gear_image::{Field, LinearImage, Mask, stats};
 
-use crate::fields::{map, zip};
+use crate::fields::map;
 
 /// How the body is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseSettings {
     /// Depth of the inflated silhouette relative to a circular profile.
     pub inflate: f32,
-    /// Absorption of full ink, for a longer side of 1. 0: lines do nothing; large: every line is a crease.
-    pub puff: f32,
     /// Relief mode: height gained from the upper to the lower rim, as a share of the picture's height.
     pub ramp: f32,
 }
@@ -33,7 +32,6 @@ impl Default for BaseSettings {
     fn default() -> Self {
         Self {
             inflate: 1.0,
-            puff: 1100.0,
             ramp: 0.15,
         }
     }
@@ -44,14 +42,20 @@ const CONTOUR_ABSORPTION: f32 = 4400.0;
 /// ℓ of relief mode, as a share of the longer side.
 const RELIEF_LENGTH: f32 = 0.10;
 
+/// The body of a picture, in pixels: the relief of the canvas for a full mask, else the inflated silhouette.
+pub fn body(image: &LinearImage, mask: &Mask, settings: &BaseSettings) -> Field {
+    if mask.is_full() {
+        relief(image, settings)
+    } else {
+        inflated(mask, settings)
+    }
+}
+
 /// The inflated silhouette, in pixels; 0 outside the mask.
-pub fn inflated(mask: &Mask, ink: Option<&Field>, settings: &BaseSettings) -> Field {
-    let side = mask.longer_side() as f32;
-    let absorption = ink.map(|ink| map(ink, |ink| settings.puff * ink / (side * side)));
+pub fn inflated(mask: &Mask, settings: &BaseSettings) -> Field {
     let system = GridSystem::new(
         mask,
         &Coefficients {
-            absorption: absorption.as_ref(),
             outside: Outside::Zero,
             ..Default::default()
         },
@@ -62,7 +66,7 @@ pub fn inflated(mask: &Mask, ink: Option<&Field>, settings: &BaseSettings) -> Fi
 }
 
 /// The height of a whole canvas, in pixels.
-pub fn relief(image: &LinearImage, ink: &Field, settings: &BaseSettings) -> Field {
+pub fn relief(image: &LinearImage, settings: &BaseSettings) -> Field {
     let (width, height) = image.size();
     let side = image.longer_side() as f32;
     // The scale grows with the picture: relief is about figures, not about brush strokes.
@@ -76,8 +80,8 @@ pub fn relief(image: &LinearImage, ink: &Field, settings: &BaseSettings) -> Fiel
         .map(|d| 4.0 * (0.1 + 0.9 * f64::from(((d - low) / (high - low).max(1e-6)).clamp(0.0, 1.0))))
         .collect();
     let per_pixel = 1.0 / (side * side);
-    let absorption = zip(&contours, ink, |e, ink| {
-        (CONTOUR_ABSORPTION * e * e + settings.puff * ink + 1.0 / (RELIEF_LENGTH * RELIEF_LENGTH)) * per_pixel
+    let absorption = map(&contours, |e| {
+        (CONTOUR_ABSORPTION * e * e + 1.0 / (RELIEF_LENGTH * RELIEF_LENGTH)) * per_pixel
     });
     let canvas = Mask::filled(width, height, true);
     let coefficients = Coefficients {

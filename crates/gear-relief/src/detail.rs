@@ -2,18 +2,20 @@
 //!
 //! The residual `(S − a)/g − n_b·l` is freed of its masked Gaussian mean, then turned into height by alternating
 //! two steps: every normal moves along the light's tangent until it meets its shading (Newton length, soft
-//! dead zone `r³/(r² + τ²)`), and the slopes are integrated, held to the base,
+//! dead zone `r³/(r² + τ²)`), and what the slopes differ by from the base's is integrated to a height d on it,
 //!
 //! ```text
-//! (hold − Δ) h = −div(p, q) + hold·h_b
+//! (hold − Δ) d = −div(p − p_b, q − q_b)
 //! ```
 //!
-//! One operator serves all iterations. Slopes are clipped, so |h − h_b| ≤ C·slope/√hold whatever the shading. The
-//! alternation is not run to convergence: truth error is flat from 10 to 40 iterations, early stopping regularises.
+//! One operator serves all iterations. Slopes are clipped, so |d| ≤ C·slope/√hold whatever the shading, and shading
+//! that the base explains gives d = 0. The alternation is not run to convergence: truth error is flat from 10 to 40
+//! iterations, early stopping regularises.
 //!
 //! *Detail owns no low frequency.* The body comes from the silhouette alone: a wrong light, or a posterised tone,
-//! is smooth over large distances and would bend it. So the height difference `h − h_b` is itself freed of
-//! its masked Gaussian mean before it is added.
+//! is smooth over large distances and would bend it. So d is itself freed of its masked Gaussian mean.
+//!
+//! *Trust is a share of the result*, not of each step: shading believed by half adds half its detail.
 
 use gear_image::filter::{dilate_field, gradient};
 use gear_image::solve::{Coefficients, GridSystem, SolveOptions};
@@ -36,8 +38,6 @@ pub struct DetailSettings {
     pub hold: f32,
     /// Steepest slope.
     pub slope: f32,
-    /// Share of the detail that is added.
-    pub amount: f32,
     /// Residual of `n·l` below which shading says nothing, beside what noise demands.
     pub dead_zone: f32,
     /// Width of the band inside the silhouette without detail, as a share of the longer side; at least 3 px. The
@@ -53,8 +53,7 @@ impl Default for DetailSettings {
             scale: 0.09,
             hold: 0.08,
             slope: 4.0,
-            amount: 1.0,
-            dead_zone: 0.1,
+            dead_zone: 0.05,
             rim: 0.045,
         }
     }
@@ -130,46 +129,34 @@ pub fn detail(
     let limit = settings.slope;
     let (base_x, base_y) = gradient(base);
     let mut current: Option<Vec<f64>> = None;
+    let mut raised = base.clone();
     let mut n = base_normals;
     for _ in 0..settings.iterations {
-        let mut slope_x = base_x.clone();
-        let mut slope_y = base_y.clone();
-        for p in 0..mask.len() {
-            if !inner.data()[p] {
-                slope_x.data_mut()[p] = base_x.data()[p].clamp(-limit, limit);
-                slope_y.data_mut()[p] = base_y.data()[p].clamp(-limit, limit);
-                continue;
-            }
+        let mut more_x = Field::filled(width, height, 0.0);
+        let mut more_y = Field::filled(width, height, 0.0);
+        for p in (0..mask.len()).filter(|&p| inner.data()[p]) {
             let c = dot(n[p], l);
             let r = target.data()[p] - c;
-            let r = (r * r * r / (r * r + dead_zone * dead_zone)).clamp(-0.7, 0.7) * trust;
+            let r = (r * r * r / (r * r + dead_zone * dead_zone)).clamp(-0.7, 0.7);
             let step = settings.step * r / (1.0 - c * c).max(0.2);
             let turned: [f32; 3] = std::array::from_fn(|i| n[p][i] + step * (l[i] - c * n[p][i]));
             let z = turned[2].max(1e-2);
-            slope_x.data_mut()[p] = (-turned[0] / z).clamp(-limit, limit);
-            slope_y.data_mut()[p] = (-turned[1] / z).clamp(-limit, limit);
+            more_x.data_mut()[p] = (-turned[0] / z).clamp(-limit, limit) - base_x.data()[p].clamp(-limit, limit);
+            more_y.data_mut()[p] = (-turned[1] / z).clamp(-limit, limit) - base_y.data()[p].clamp(-limit, limit);
         }
-        let mut rhs = system.divergence_of_pixels(&slope_x, &slope_y);
-        for (rhs, base) in rhs.iter_mut().zip(base.data()) {
-            *rhs += f64::from(hold) * f64::from(*base);
-        }
+        let rhs = system.divergence_of_pixels(&more_x, &more_y);
         let options = SolveOptions {
             tolerance: 1e-4,
             max_iterations: 30,
         };
         let solution = system.solve(&rhs, current.as_deref(), options);
-        n = normals(&solution.to_field(width, height));
+        raised = zip(base, &solution.to_field(width, height), |b, d| b + d);
+        n = normals(&raised);
         current = Some(solution.values);
     }
-    let current = current?;
-    let difference = Field::from_vec(
-        width,
-        height,
-        current.iter().zip(base.data()).map(|(&h, &b)| h as f32 - b).collect(),
-    );
-    let weight = mask.to_field();
-    let mean = weighted_gaussian(&difference, &weight, large);
-    Some(masked(&zip(&difference, &mean, |d, m| settings.amount * (d - m)), mask))
+    let difference = zip(&raised, base, |h, b| h - b);
+    let mean = weighted_gaussian(&difference, &mask.to_field(), large);
+    Some(masked(&zip(&difference, &mean, |d, m| trust * (d - m)), mask))
 }
 
 /// How clearly the shading shows more than the base explains: 0 where the RMS of what is left over, in units of

@@ -16,10 +16,10 @@
 use gear_image::solve::{Coefficients, GridSystem, SolveOptions};
 use gear_image::{Field, LinearImage, Mask, stats};
 
-use crate::base::BaseSettings;
-use crate::fields::{inside, map, masked, normals, zip};
+use crate::base::{self, BaseSettings};
+use crate::fields::{inside, map, masked, normals};
 use crate::height::{HeightSettings, Mode, Relief};
-use crate::{detail, light, shading};
+use crate::ink;
 
 /// What the silhouette says before a network is asked. Rasters have the picture's size.
 #[derive(Clone, Debug)]
@@ -48,7 +48,8 @@ impl Foundation {
             ramp: 0.0,
             ..settings.base
         };
-        let (ink, base) = light::foundation(image, &mask, &settings.ink, &flat);
+        let ink = ink::ink_lines(image, &mask, &settings.ink);
+        let base = base::body(image, &mask, &flat);
         Self {
             mask,
             mode: if whole { Mode::Relief } else { Mode::Figure },
@@ -120,17 +121,8 @@ pub fn estimate(
         noise: 0.0,
         detailed: false,
     };
-    if settings.detail.iterations > 0 && !relief.mask.is_empty() {
-        let shading = shading::shading(image, &relief.mask, &ink, &settings.shading);
-        let fit = light::fit(&shading, &relief.base, &relief.mask, &settings.calibration);
-        let (base, mask, calibration) = (&relief.base, &relief.mask, &settings.calibration);
-        let detail = detail::detail(&shading, base, &ink, mask, &fit, calibration, &settings.detail);
-        relief.detailed = detail.is_some();
-        if let Some(detail) = detail {
-            relief.height = zip(base, &detail, |b, d| (b + d).max(0.0));
-        }
-        relief.light = Some(fit);
-        relief.noise = shading.noise;
+    if settings.detail.iterations > 0 {
+        relief.shade(image, &ink, settings);
     }
     (relief, used)
 }
@@ -220,6 +212,7 @@ fn surface(foundation: &Foundation, normals: [&Field; 3], height: &Field, pixels
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fields::zip;
     use gear_image::Rgb;
 
     const SIDE: usize = 96;

@@ -2,10 +2,11 @@
 
 use gear_image::{Field, LinearImage, Mask};
 
-use crate::base::BaseSettings;
+use crate::base::{self, BaseSettings};
+use crate::crease::{self, CreaseSettings};
 use crate::detail::{self, DetailSettings};
 use crate::fields::zip;
-use crate::ink::InkSettings;
+use crate::ink::{self, InkSettings};
 use crate::light::{self, Calibration, LightFit};
 use crate::shading::{self, ShadingSettings};
 
@@ -16,6 +17,8 @@ pub struct HeightSettings {
     pub ink: InkSettings,
     /// Body.
     pub base: BaseSettings,
+    /// Lines that draw form.
+    pub crease: CreaseSettings,
     /// Split of shading and paint.
     pub shading: ShadingSettings,
     /// What shading is believed.
@@ -29,6 +32,7 @@ impl Default for HeightSettings {
         Self {
             ink: InkSettings::default(),
             base: BaseSettings::default(),
+            crease: CreaseSettings::default(),
             shading: ShadingSettings::default(),
             calibration: Calibration::NATURAL,
             detail: DetailSettings::default(),
@@ -79,7 +83,8 @@ pub fn estimate(image: &LinearImage, mask: &Mask, settings: &HeightSettings) -> 
         Mode::Relief => Mask::filled(width, height, true),
         Mode::Figure => mask.clone(),
     };
-    let (ink, base) = light::foundation(image, &mask, &settings.ink, &settings.base);
+    let ink = ink::ink_lines(image, &mask, &settings.ink);
+    let base = base::body(image, &mask, &settings.base);
     let mut relief = Relief {
         height: base.clone(),
         base,
@@ -90,25 +95,34 @@ pub fn estimate(image: &LinearImage, mask: &Mask, settings: &HeightSettings) -> 
         noise: 0.0,
         detailed: false,
     };
-    if settings.detail.iterations > 0 && !relief.mask.is_empty() {
-        let shading = shading::shading(image, &relief.mask, &ink, &settings.shading);
-        let fit = light::fit(&shading, &relief.base, &relief.mask, &settings.calibration);
-        let (base, mask) = (&relief.base, &relief.mask);
-        let detail = detail::detail(
-            &shading,
-            base,
-            &ink,
-            mask,
-            &fit,
-            &settings.calibration,
-            &settings.detail,
-        );
-        relief.detailed = detail.is_some();
-        if let Some(detail) = detail {
-            relief.height = zip(base, &detail, |b, d| (b + d).max(0.0));
+    if settings.detail.iterations > 0 {
+        relief.shade(image, &ink, settings);
+    }
+    // Lines of a whole canvas bound things that lie before others as often as they lie in hollows.
+    if mode == Mode::Figure && settings.crease.depth > 0.0 {
+        let drawn = ink::drawn_lines(image, &ink, &relief.mask, &settings.ink);
+        if let Some(creases) = crease::creases(&drawn, &relief.mask, &settings.crease) {
+            relief.height = zip(&relief.height, &creases, |h, c| (h + c).max(0.0));
         }
-        relief.light = Some(fit);
-        relief.noise = shading.noise;
     }
     relief
+}
+
+impl Relief {
+    /// Draws detail from the shading of `image`.
+    pub(crate) fn shade(&mut self, image: &LinearImage, ink: &Field, settings: &HeightSettings) {
+        if self.mask.is_empty() {
+            return;
+        }
+        let shading = shading::shading(image, &self.mask, ink, &settings.shading);
+        let fit = light::fit(&shading, &self.base, &self.mask, &settings.calibration);
+        let (base, mask, calibration) = (&self.base, &self.mask, &settings.calibration);
+        let detail = detail::detail(&shading, base, ink, mask, &fit, calibration, &settings.detail);
+        self.detailed = detail.is_some();
+        if let Some(detail) = detail {
+            self.height = zip(base, &detail, |b, d| (b + d).max(0.0));
+        }
+        self.light = Some(fit);
+        self.noise = shading.noise;
+    }
 }

@@ -7,7 +7,7 @@
 use gear_image::filter::gaussian;
 use gear_image::{Field, LinearImage, Mask, math};
 
-use crate::fields::{depth_inside, map};
+use crate::fields::{depth_inside, map, weighted_gaussian, zip};
 
 /// How lines are told from tone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +18,13 @@ pub struct InkSettings {
     pub floor: f32,
     /// Difference of log luminance above `floor` at which a line counts fully.
     pub contrast: f32,
+    /// Difference of chromaticity between a line and its nearer side at which it is paint of another colour, not ink
+    /// or a hollow: those take light away and leave the colour.
+    pub chroma: f32,
+    /// Share of a neighbourhood that lines may fill before they are ornament.
+    pub crowd: f32,
+    /// Size of that neighbourhood (σ of a Gaussian), as a share of the longer side.
+    pub neighbourhood: f32,
     /// Width of the band inside the silhouette whose lines are its outline, no crease, as a share of the longer
     /// side; at least 4 px.
     pub outline: f32,
@@ -29,6 +36,9 @@ impl Default for InkSettings {
             distance: 0.012,
             floor: 0.2,
             contrast: 0.5,
+            chroma: 0.06,
+            crowd: 0.14,
+            neighbourhood: 0.06,
             outline: 0.02,
         }
     }
@@ -36,8 +46,49 @@ impl Default for InkSettings {
 
 /// Strength of ink at every pixel, in [0, 1]; 0 outside the mask and in the outline band.
 pub fn ink_lines(image: &LinearImage, mask: &Mask, settings: &InkSettings) -> Field {
-    let lines = two_sided_darkness(&image.luminance(), settings);
-    let side = image.longer_side() as f32;
+    within(&two_sided_darkness(&image.luminance(), settings), mask, settings)
+}
+
+/// Those of the `lines` of a picture ([`ink_lines`]) that draw form, as far as can be told: they have the colour of
+/// what lies beside them, only darker, and stand alone. What has a colour of its own, or fills an area, is ornament.
+///
+/// ```text
+/// drawn = max_d ( darkness_d · exp(−(Δchroma_d/c)²) ) · (1 − G∗lines/crowd)⁺
+/// ```
+pub fn drawn_lines(image: &LinearImage, lines: &Field, mask: &Mask, settings: &InkSettings) -> Field {
+    let chroma = chromaticity(image, 0.7);
+    let scale = 1.0 / (settings.chroma * settings.chroma).max(1e-12);
+    let apart = |from: Point, to: Point| {
+        let mut square = 0.0f32;
+        for plane in &chroma {
+            let d = plane.at_clamped(from.0, from.1) - plane.at_clamped(to.0, to.1);
+            square += d * d;
+        }
+        square
+    };
+    let grey = darkness(&image.luminance(), settings, |p, sides| {
+        math::exp(-scale * apart(p, sides[0]).min(apart(p, sides[1])))
+    });
+    let sigma = f64::from(settings.neighbourhood * image.longer_side() as f32);
+    let crowd = weighted_gaussian(lines, &mask.to_field(), sigma);
+    let alone = zip(&grey, &crowd, |line, crowd| {
+        line * (1.0 - crowd / settings.crowd.max(1e-6)).clamp(0.0, 1.0)
+    });
+    within(&alone, mask, settings)
+}
+
+/// Red, green and blue as shares of their sum, smoothed.
+pub(crate) fn chromaticity(image: &LinearImage, sigma: f64) -> [Field; 3] {
+    let (width, height) = image.size();
+    std::array::from_fn(|channel| {
+        let shares = image.data().iter().map(|c| c[channel] / (c[0] + c[1] + c[2] + 1e-3));
+        gaussian(&Field::from_vec(width, height, shares.collect()), sigma)
+    })
+}
+
+/// The lines inside the mask and off its outline.
+fn within(lines: &Field, mask: &Mask, settings: &InkSettings) -> Field {
+    let side = mask.longer_side() as f32;
     let band = (settings.outline * side).max(4.0) as u32;
     let depth = depth_inside(mask);
     let (w, h) = lines.size();
@@ -52,6 +103,13 @@ pub fn ink_lines(image: &LinearImage, mask: &Mask, settings: &InkSettings) -> Fi
 
 /// The line measure before any mask.
 pub fn two_sided_darkness(luminance: &Field, settings: &InkSettings) -> Field {
+    darkness(luminance, settings, |_, _| 1.0)
+}
+
+type Point = (isize, isize);
+
+/// The line measure, with a weight of the pixel and its two sides.
+fn darkness(luminance: &Field, settings: &InkSettings, weight: impl Fn(Point, [Point; 2]) -> f32) -> Field {
     let (w, h) = luminance.size();
     let log = map(&gaussian(luminance, 0.7), |l| math::ln(l.max(0.0) + 1e-2));
     let d = (settings.distance * luminance.longer_side() as f32).round().max(2.0);
@@ -62,10 +120,17 @@ pub fn two_sided_darkness(luminance: &Field, settings: &InkSettings) -> Field {
         let own = log.at_clamped(x, y);
         let mut best = 0.0f32;
         for (dx, dy) in [(d, 0), (0, d), (oblique, oblique), (-oblique, oblique)] {
-            let sides = log.at_clamped(x + dx, y + dy).min(log.at_clamped(x - dx, y - dy));
-            best = best.max(sides - own);
+            let sides = [(x + dx, y + dy), (x - dx, y - dy)];
+            let lighter = log
+                .at_clamped(sides[0].0, sides[0].1)
+                .min(log.at_clamped(sides[1].0, sides[1].1))
+                - own;
+            let line = ((lighter - settings.floor) / contrast).clamp(0.0, 1.0);
+            if line > best {
+                best = best.max(line * weight((x, y), sides));
+            }
         }
-        ((best - settings.floor) / contrast).clamp(0.0, 1.0)
+        best
     })
 }
 
@@ -93,6 +158,26 @@ mod tests {
             &InkSettings::default(),
         );
         assert!(step.data().iter().all(|&ink| ink < 0.05));
+    }
+
+    #[test]
+    fn ornament_is_ink_but_no_drawing() {
+        let full = Mask::filled(96, 96, true);
+        let settings = InkSettings::default();
+        let drawn = |picture: &LinearImage| {
+            let lines = ink_lines(picture, &full, &settings);
+            (
+                lines.at(48, 48),
+                drawn_lines(picture, &lines, &full, &settings).at(48, 48),
+            )
+        };
+        let alone = grey(|x| if x == 48 { 0.05 } else { 0.5 });
+        assert!(drawn(&alone).1 > 0.5, "{:?}", drawn(&alone));
+        let blue = Rgb::from_fn(96, 96, |x, _| if x == 48 { [0.01, 0.02, 0.2] } else { [0.5; 3] });
+        let (ink, form) = drawn(&blue);
+        assert!(ink > 0.9 && form < 0.05, "{ink} {form}");
+        let (ink, form) = drawn(&grey(|x| if x % 6 == 0 { 0.05 } else { 0.5 }));
+        assert!(ink > 0.9 && form < 0.05, "{ink} {form}");
     }
 
     #[test]

@@ -1,9 +1,9 @@
-//! From picture to surface: mask, ink, inflation, shading, light fit, detail from shading, surfels.
+//! From picture to surface: mask, ink, inflation, shading, light fit, detail from shading, creases, surfels.
 //!
 //! Modules stand in the order in which data passes them:
 //!
 //! ```text
-//! image, mask ─ ink ─ base ─ shading ─ light ─ detail ─ height ─ surfels ─ scene
+//! image, mask ─ ink ─ base ─ shading ─ light ─ detail ─ crease ─ height ─ surfels ─ scene
 //! ```
 //!
 //! [`height::estimate`] runs the chain up to the height field; [`surfels::lift`] makes the closed Gaussian
@@ -14,6 +14,7 @@
 //! square root of the mask's area, so that a scan and its thumbnail give the same surface.
 
 pub mod base;
+pub mod crease;
 pub mod detail;
 pub mod fields;
 pub mod guided;
@@ -26,4 +27,4 @@ pub mod surfels;
 pub mod truth;
 
 /// Version of the numerics: part of the behaviour of every node that uses this crate. Raise it when bits change.
-pub const NUMERICS: u32 = 2;
+pub const NUMERICS: u32 = 3;

@@ -5,7 +5,7 @@
 //! to be switched off:
 //!
 //! ```text
-//! trust = √r² · g² / (g² + (k·noise)² + floor²)
+//! trust = min(1, 2 r²) · ( g² / (g² + (k·noise)² + floor²) )²
 //! ```
 
 use gear_image::filter::gaussian;
@@ -28,8 +28,8 @@ pub struct Calibration {
     /// Step of shading that flat tones may hide: widens the dead zone, the more the weaker the gain.
     pub tone: f32,
     /// RMS of the shading that the base does not explain, below which it is no detail; believed in full from half
-    /// as much again. A painter's tones and brush leave .02 to .03 on any body, however smooth (measured on
-    /// spheres, tori and vases with four tones), and photographs of smooth bodies as much; folds leave .06 and more.
+    /// as much again. A painter's tones and brush leave up to .04 on any body, however smooth (measured on spheres
+    /// and tori with four tones), and photographs of smooth bodies as much; folds leave .06 and more.
     pub visible: f32,
 }
 
@@ -39,8 +39,8 @@ impl Calibration {
         gain_floor: 0.25,
         noise: 3.0,
         core: 3.0,
-        tone: 0.05,
-        visible: 0.034,
+        tone: 0.02,
+        visible: 0.042,
     };
     /// For paintings: flat shading is their way, not a reason for distrust.
     pub const PAINTED: Self = Self {
@@ -139,7 +139,8 @@ pub fn fit(shading: &Shading, base: &Field, mask: &Mask, calibration: &Calibrati
     let doubt = calibration.noise * shading.noise;
     let signal = fit.gain * fit.gain;
     let floor = calibration.gain_floor * calibration.gain_floor;
-    fit.trust = fit.r2.sqrt() * signal / (signal + doubt * doubt + floor).max(1e-12);
+    let believed = signal / (signal + doubt * doubt + floor).max(1e-12);
+    fit.trust = (2.0 * fit.r2).min(1.0) * believed * believed;
     fit
 }
 
@@ -198,7 +199,8 @@ pub fn evidence(image: &LinearImage, mask: &Mask) -> Evidence {
     } else {
         mask
     };
-    let (lines, body) = foundation(image, mask, &InkSettings::default(), &BaseSettings::default());
+    let lines = ink::ink_lines(image, mask, &InkSettings::default());
+    let body = base::body(image, mask, &BaseSettings::default());
     let shading = shading::shading(image, mask, &lines, &ShadingSettings::default());
     let fit = fit(&shading, &body, mask, &Calibration::NATURAL);
     Evidence {
@@ -208,20 +210,4 @@ pub fn evidence(image: &LinearImage, mask: &Mask) -> Evidence {
         trust: fit.trust,
         direction: fit.direction,
     }
-}
-
-/// Ink and base of a picture: a figure, or a relief when the mask is the whole canvas.
-pub(crate) fn foundation(
-    image: &LinearImage,
-    mask: &Mask,
-    ink_settings: &InkSettings,
-    base_settings: &BaseSettings,
-) -> (Field, Field) {
-    let lines = ink::ink_lines(image, mask, ink_settings);
-    let body = if mask.is_full() {
-        base::relief(image, &lines, base_settings)
-    } else {
-        base::inflated(mask, Some(&lines), base_settings)
-    };
-    (lines, body)
 }

@@ -1,15 +1,23 @@
 //! Shading: what is left of the luminance when reflectance edges are taken out (colour Retinex).
 //!
-//! Gradients of `log(G₁∗L + 10⁻³)` are multiplied by `exp(−(Δchroma/c)² − (Δlog/t)⁴)` and by `1 − ink`: chromaticity
-//! changes, tone steps and drawn lines are paint, smooth changes of luminance alone are light. What remains is
-//! integrated on the mask (natural sides, a trace of absorption), centred on its median, smoothed and
-//! exponentiated.
+//! Every link between pixels gets a weight `w = exp(−(Δchroma/c)² − (Δlog/t)⁴)·(1 − ink)`: chromaticity changes, tone
+//! steps and drawn lines are paint, smooth changes of luminance alone are light. The log shading s is what explains the
+//! gradients of `ℓ = log(G₁∗L + 10⁻³)` where they are light and is as even as it can where they are paint,
+//!
+//! ```text
+//! Σ w (Δs − Δℓ)² + ε (Δs)²  →  min
+//! ```
+//!
+//! on the mask (natural sides, a trace of absorption); it is centred on its median, smoothed and exponentiated. With
+//! ε → ∞ in place of a small one, gradients of paint would count as level ground: a pattern then hides the light that
+//! falls on it, as it did (correlation with the true shading of photographed figures .24, with ε = .1 .30).
 
 use gear_image::filter::{dilate_field, gaussian};
 use gear_image::solve::{Coefficients, GridSystem, SolveOptions};
 use gear_image::{Field, LinearImage, Mask, math, stats};
 
 use crate::fields::{eroded, inside, map, weighted_gaussian, zip};
+use crate::ink::chromaticity;
 
 /// Where paint ends and light begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +26,8 @@ pub struct ShadingSettings {
     pub chroma_step: f32,
     /// Step of log luminance per pixel that counts as paint.
     pub log_step: f32,
+    /// ε, how much a link counts whose gradient is paint.
+    pub level: f32,
     /// Smoothing of the shading, as a share of the longer side; at least 2 px.
     pub smooth: f32,
 }
@@ -27,6 +37,7 @@ impl Default for ShadingSettings {
         Self {
             chroma_step: 0.02,
             log_step: 0.25,
+            level: 0.1,
             smooth: 0.004,
         }
     }
@@ -48,14 +59,8 @@ const ABSORPTION: f32 = 0.75;
 pub fn shading(image: &LinearImage, mask: &Mask, ink: &Field, settings: &ShadingSettings) -> Shading {
     let (width, height) = image.size();
     let log = map(&gaussian(&image.luminance(), 1.0), |l| math::ln(l.max(0.0) + 1e-3));
-    let chroma: [Field; 3] = std::array::from_fn(|channel| {
-        let plane = image
-            .data()
-            .iter()
-            .map(|c| c[channel] / (c[0] + c[1] + c[2] + 1e-3))
-            .collect();
-        gaussian(&Field::from_vec(width, height, plane), 1.0)
-    });
+    let chroma = chromaticity(image, 1.0);
+    let level = settings.level.max(1e-6);
     let lines = dilate_field(ink, 1);
     let keep = |p: (usize, usize), q: (usize, usize)| {
         let step = log.at(q.0, q.1) - log.at(p.0, p.1);
@@ -69,14 +74,18 @@ pub fn shading(image: &LinearImage, mask: &Mask, ink: &Field, settings: &Shading
         let line = lines.at(p.0, p.1).max(lines.at(q.0, q.1));
         (step, math::exp(-c - t * t) * (1.0 - line))
     };
-    let mut right = Field::filled(width, height, 0.0);
-    let mut down = Field::filled(width, height, 0.0);
+    let zero = || Field::filled(width, height, 0.0);
+    let (mut right, mut down, mut to_right, mut to_down) = (zero(), zero(), zero(), zero());
     for y in 0..height {
         for x in 0..width {
-            for (field, q) in [(&mut right, (x + 1, y)), (&mut down, (x, y + 1))] {
+            for (gradient, link, q) in [
+                (&mut right, &mut to_right, (x + 1, y)),
+                (&mut down, &mut to_down, (x, y + 1)),
+            ] {
                 if q.0 < width && q.1 < height {
                     let (step, weight) = keep((x, y), q);
-                    field.set(x, y, step * weight);
+                    link.set(x, y, weight + level);
+                    gradient.set(x, y, step * weight / (weight + level));
                 }
             }
         }
@@ -86,6 +95,8 @@ pub fn shading(image: &LinearImage, mask: &Mask, ink: &Field, settings: &Shading
         mask,
         &Coefficients {
             screening: ABSORPTION / (side * side),
+            right: Some(&to_right),
+            down: Some(&to_down),
             ..Default::default()
         },
     );

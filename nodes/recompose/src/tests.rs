@@ -352,6 +352,26 @@ fn natural_light_leaves_the_ratio_unasked() {
 }
 
 #[test]
+fn the_more_natural_the_light_the_less_is_grounded() {
+    let (sphere, mask) = lit_sphere();
+    let flat = 0.4f32;
+    let betas: Vec<f64> = [0.0, 0.1, 0.15, 0.2, 0.3, 0.6, 1.0]
+        .iter()
+        .map(|&contrast| {
+            let light = colour::light(&sphere.rgb);
+            let faint = Rgb::from_fn(128, 128, |x, y| {
+                light.data()[y * 128 + x].map(|c| flat + contrast * (c - flat))
+            });
+            let faint = Image::opaque(faint.to_srgb());
+            evidence::look(&faint, &mask).unwrap().beta()
+        })
+        .collect();
+    assert!(betas.windows(2).all(|b| b[1] <= b[0]), "{betas:?}");
+    assert!(betas[0] == 0.5 && betas[6] == 0.0, "{betas:?}");
+    assert!(betas.iter().any(|&b| b > 0.0 && b < 0.5), "{betas:?}");
+}
+
+#[test]
 fn flat_paint_asks_for_the_ratio() {
     match demand_with(flat_disc()) {
         Demand::Need { ports, reason } => {

@@ -1,9 +1,9 @@
 //! Reconstruct: one picture and its mask become a closed, double-sided Gaussian scene.
 //!
-//! The embedded method of [`gear_relief`]: the body is the inflated silhouette (`−Δu + puff·ink·u = 4`, `h = √u`;
-//! a relief when the mask is the whole canvas), detail is what the shading says beyond the body, and the surface is
-//! lifted to surfels along the rays of the canonical camera, so that the front view is aligned with the picture to the
-//! pixel. A network for depth or for normals takes the silhouette's place with the method `depth-network`; a model
+//! The embedded method of [`gear_relief`]: the body is the inflated silhouette (`−Δu = 4`, `h = √u`; a relief when the
+//! mask is the whole canvas), detail is what the shading says beyond the body and the creases that drawn lines stand
+//! for, and the surface is lifted to surfels along the rays of the canonical camera, so that the front view is aligned
+//! with the picture to the pixel. A network for depth or for normals takes the silhouette's place with the method `depth-network`; a model
 //! trained on objects takes the same ports.
 
 mod network;
@@ -17,6 +17,7 @@ use gear_graph::{
 use gear_image::{Field, Image, Mask, Rgb, colour, filter};
 use gear_onnx::{Model, Provider};
 use gear_relief::base::BaseSettings;
+use gear_relief::crease::CreaseSettings;
 use gear_relief::detail::DetailSettings;
 use gear_relief::fields;
 use gear_relief::height::{self, HeightSettings, Mode, Relief};
@@ -37,9 +38,10 @@ pub struct Reconstruct {
     /// Depth of a figure's body relative to a circular profile.
     #[param(default = 1.0, range = 0.0..=4.0)]
     pub inflate: f64,
-    /// Absorption of drawn lines: 0 none, large makes every line a crease.
-    #[param(default = 1100.0, range = 0.0..=1e6, unit = "1 / (longer side)²")]
-    pub puff: f64,
+    /// Depth of the crease that a drawn line makes in a figure; lines of another colour than what lies beside them, or
+    /// crowded ones, are ornament and make none.
+    #[param(default = 0.09, range = 0.0..=1.0, unit = "share of the longer side")]
+    pub crease: f64,
     /// Relief mode: how much nearer the lower rim is than the upper.
     #[param(default = 0.15, range = -1.0..=1.0, unit = "share of the height")]
     pub ramp: f64,
@@ -60,7 +62,7 @@ pub struct Reconstruct {
 /// How the height is found. In YAML: `method: inflation`, `method: shading`, `method: {shading: {iterations: 20}}`.
 #[derive(Clone, Debug, PartialEq, Choice)]
 pub enum Method {
-    /// The inflated silhouette alone.
+    /// The inflated silhouette, with creases.
     Inflation,
     /// Detail from shading on top of it.
     Shading {
@@ -156,7 +158,7 @@ pub struct Out {
 
 impl Node for Reconstruct {
     const NAME: &str = "Reconstruct";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const USES: &'static [Numerics] = &[Numerics::new("gear-relief", gear_relief::NUMERICS)];
     type Inputs = In;
     type Outputs = Out;
@@ -212,8 +214,11 @@ impl Reconstruct {
         let mut settings = HeightSettings {
             base: BaseSettings {
                 inflate: self.inflate as f32,
-                puff: self.puff as f32,
                 ramp: self.ramp as f32,
+            },
+            crease: CreaseSettings {
+                depth: self.crease as f32,
+                ..CreaseSettings::default()
             },
             ..HeightSettings::default()
         };

@@ -22,7 +22,7 @@ fn families(manner: Manner) -> Vec<Family> {
     objects()
         .iter()
         .map(|object| {
-            let alone = score(&inflated(&object.mask, None, &BaseSettings::default()), object);
+            let alone = score(&inflated(&object.mask, &BaseSettings::default()), object);
             let mut ours = Score::default();
             for albedo in &albedos {
                 for (seed, light) in [PHOTO.light, [0.6, -0.3, 0.74]].into_iter().enumerate() {
@@ -90,16 +90,17 @@ fn shading_of_photographs_improves_depth_normals_and_detail() {
         depth > 0.008 && normal > 0.8 && detail > 0.1,
         "{depth} {normal} {detail}"
     );
-    // The bust's head and shoulders are no hemispheres: better normals, and .005 more of depth error.
-    no_object_is_harmed(&families, 0.006, 0.01);
+    no_object_is_harmed(&families, 0.001, 0.02);
 }
 
 #[test]
 fn shading_of_paintings_improves_detail_and_harms_nothing() {
     let families = families(PAINT);
     let (depth, normal, detail) = gains(&families);
+    // Folds gain most (.06). More trust in weak shading gains more here, and costs detail on painted vessels, whose
+    // tones it takes for form: the benchmark of scenes decided.
     assert!(
-        depth > 0.0 && normal > 0.0 && detail > 0.02,
+        depth > 0.0 && normal > 0.05 && detail > 0.008,
         "{depth} {normal} {detail}"
     );
     no_object_is_harmed(&families, 0.001, 0.01);

@@ -1,7 +1,11 @@
 //! Does grounding help geometry? The benchmark of painted renderings, reconstructed from the painting as it is and from
 //! every enhanced version of it, compared with the true surface.
 //!
-//!     cargo bench -p node-recompose --bench ground_truth [-- SIDE [SCENES [ROWS.csv]]]
+//!     cargo bench -p node-recompose --bench ground_truth -- [KEY=VALUE …]
+//!
+//! `side=192` and `scenes=8` (of each family) are the benchmark. `first=9` counts scenes from there: scenes that nothing
+//! was fitted to. `families=figure,vessel` leaves the others out, `quick=1` the enhanced pictures and the found masks, and
+//! `rows=FILE.csv` keeps every single figure.
 //!
 //! Scenes × conditions × lights, each with the true mask and with the mask that is found. The tables have means over
 //! a family's scenes and paired differences with 95 % bootstrap intervals; scenes are what is drawn anew, as lights of
@@ -78,15 +82,14 @@ const MEASURES: [Measure; 4] = [
 ];
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
-    let number = |index: usize, default: u64| arguments.get(index).and_then(|a| a.parse().ok()).unwrap_or(default);
-    let (side, scenes) = (number(0, 192) as usize, number(1, gear_sample::BENCHMARK_SCENES));
+    let asked = Asked::read();
+    let (side, scenes) = (asked.side, asked.scenes);
     let mut cases = Vec::new();
-    for family in Family::ALL {
-        for name in family.scenes().take(scenes as usize) {
+    for &family in &asked.families {
+        for number in asked.first..asked.first + scenes {
             for (condition, shown) in CONDITIONS {
                 for light in 0..LIGHTS.len() {
-                    cases.push((family, name.clone(), condition, shown, light));
+                    cases.push((family, format!("{}-{number}", family.name()), condition, shown, light));
                 }
             }
         }
@@ -102,7 +105,8 @@ fn main() {
                 seed: 1 + light as u64,
             };
             let sample = paint(&scene, &options).expect("scenes of the benchmark have names that exist");
-            measured(&sample)
+            let quick = asked.quick;
+            measured(&sample, quick)
                 .into_iter()
                 .map(move |(own_mask, variant, relief, error)| Row {
                     family,
@@ -118,22 +122,69 @@ fn main() {
                 })
         })
         .collect();
-    if let Some(path) = arguments.get(2) {
+    if let Some(path) = &asked.rows {
         std::fs::write(path, csv(&rows)).expect("the rows can be written");
     }
-    println!("{scenes} scenes a family, {} lights, {side} px\n", LIGHTS.len());
+    let last = asked.first + scenes - 1;
+    println!(
+        "scenes {} to {last} of a family, {} lights, {side} px\n",
+        asked.first,
+        LIGHTS.len()
+    );
     print!("{}", bar(&rows));
-    print!("{}", answer(&rows));
+    if !asked.quick {
+        print!("{}", answer(&rows));
+    }
+}
+
+/// What is to be measured.
+struct Asked {
+    side: usize,
+    scenes: u64,
+    first: u64,
+    families: Vec<Family>,
+    quick: bool,
+    rows: Option<String>,
+}
+
+impl Asked {
+    fn read() -> Self {
+        let mut asked = Self {
+            side: 192,
+            scenes: gear_sample::BENCHMARK_SCENES,
+            first: 1,
+            families: Family::ALL.to_vec(),
+            quick: false,
+            rows: None,
+        };
+        let number = |value: &str| -> u64 { value.parse().expect("a number") };
+        for argument in std::env::args().skip(1).filter(|a| !a.starts_with("--")) {
+            let (key, value) = argument.split_once('=').expect("KEY=VALUE");
+            match key {
+                "side" => asked.side = number(value) as usize,
+                "scenes" => asked.scenes = number(value).max(1),
+                "first" => asked.first = number(value).max(1),
+                "families" => asked.families.retain(|f| value.split(',').any(|name| name == f.name())),
+                "quick" => asked.quick = number(value) > 0,
+                "rows" => asked.rows = Some(value.to_owned()),
+                _ => panic!("{key} is none of side, scenes, first, families, quick, rows"),
+            }
+        }
+        asked
+    }
 }
 
 /// All variants on both masks.
-fn measured(sample: &Sample) -> Vec<(bool, Variant, Relief, SurfaceError)> {
+fn measured(sample: &Sample, quick: bool) -> Vec<(bool, Variant, Relief, SurfaceError)> {
     let truth = true_depth(sample);
-    let found = mask::automatic(&sample.painting.rgb, &mask::Settings::default()).mask;
+    let found = || mask::automatic(&sample.painting.rgb, &mask::Settings::default()).mask;
     let mut out = Vec::new();
     for own_mask in [false, true] {
-        let mask = if own_mask { &found } else { &sample.mask };
-        for (variant, relief) in reconstruct(sample, mask, own_mask) {
+        if own_mask && quick {
+            continue;
+        }
+        let mask = if own_mask { &found() } else { &sample.mask };
+        for (variant, relief) in reconstruct(sample, mask, own_mask || quick) {
             let side = relief.mask.longer_side() as f32;
             let inside = relief.height.data().iter().zip(relief.mask.data());
             let depth = inside.map(|(&h, &m)| if m { h / side } else { f32::NAN }).collect();
@@ -149,6 +200,11 @@ fn true_depth(sample: &Sample) -> Field {
     let inside = sample.height.data().iter().zip(sample.mask.data());
     let data = inside.map(|(&h, &m)| if m { h } else { f32::NAN }).collect();
     Field::from_vec(sample.height.width(), sample.height.height(), data)
+}
+
+/// The families that were measured.
+fn families(rows: &[Row]) -> impl Iterator<Item = Family> {
+    Family::ALL.into_iter().filter(|f| rows.iter().any(|r| r.family == *f))
 }
 
 /// Means over the lights of each scene, in the scenes' order.
@@ -185,13 +241,16 @@ fn cell(interval: &Interval, measure: &Measure) -> String {
 fn bar(rows: &[Row]) -> String {
     let mut out = String::from("## The embedded reconstruction beside plain inflation of the silhouette\n\n");
     for (own_mask, title) in [(false, "true masks"), (true, "masks that are found")] {
+        if !rows.iter().any(|r| r.own_mask == own_mask) {
+            continue;
+        }
         let _ = writeln!(out, "### {title}\n");
         let _ = writeln!(
             out,
             "| family | condition | IoU | depth: silhouette | Δ | normals ° | Δ | detail | Δ | worst scene Δdepth, Δ° |"
         );
         let _ = writeln!(out, "|---|---|---|---|---|---|---|---|---|---|");
-        for family in Family::ALL {
+        for family in families(rows) {
             for (condition, _) in CONDITIONS {
                 let keep = |r: &Row| r.family == family && r.condition == condition && r.own_mask == own_mask;
                 let mean = |measure: &Measure| {
@@ -254,7 +313,7 @@ fn answer(rows: &[Row]) -> String {
             let _ = write!(out, " Δ {} |", measure.name);
         }
         let _ = writeln!(out, "\n|---|---{}|", "|---".repeat(MEASURES.len()));
-        for family in Family::ALL {
+        for family in families(rows) {
             for (condition, _) in CONDITIONS {
                 let keep = |r: &Row| r.family == family && r.condition == condition && !r.own_mask;
                 let _ = write!(out, "| {} | {condition} |", family.name());
@@ -276,7 +335,7 @@ fn answer(rows: &[Row]) -> String {
         let _ = write!(out, " {} |", variant.name());
     }
     let _ = writeln!(out, "\n|---|---{}|", "|---".repeat(Variant::ALL.len()));
-    for family in Family::ALL {
+    for family in families(rows) {
         for (condition, _) in CONDITIONS {
             let _ = write!(out, "| {} | {condition} |", family.name());
             for variant in Variant::ALL {
@@ -308,7 +367,7 @@ fn csv(rows: &[Row]) -> String {
         let e = &r.error;
         let _ = writeln!(
             out,
-            "{},{},{},{},{},{},{},{},{},{},{},{:.4},{:.4},{:.4}",
+            "{},{},{},{},{},\"{}\",{},{},{},{},{},{:.4},{:.4},{:.4}",
             r.family.name(),
             r.scene,
             r.condition,

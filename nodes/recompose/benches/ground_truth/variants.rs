@@ -4,18 +4,17 @@ use std::sync::Arc;
 
 use gear_graph::{Lazy, OrAuto, testing};
 use gear_image::{Field, Image, Mask, colour};
-use gear_relief::base;
-use gear_relief::height::{HeightSettings, Mode, Relief, estimate};
+use gear_relief::height::{HeightSettings, Relief, estimate};
 use gear_sample::Sample;
 use node_recompose::{In, Recompose};
 
 /// A version of the picture, or how much of it is looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
-    /// The inflated silhouette and nothing of the picture (a whole canvas has none: as the next).
+    /// The inflated silhouette and nothing of the picture (a whole canvas has none: the relief of its contours).
     Plain,
-    /// The inflated silhouette with drawn lines as creases (a whole canvas: the relief of its contours), no shading.
-    Inflation,
+    /// The same with drawn lines as creases, no shading.
+    Lines,
     /// The picture as it is.
     Raw,
     /// Its histogram equalized.
@@ -31,7 +30,7 @@ pub enum Variant {
 impl Variant {
     pub const ALL: [Self; 7] = [
         Self::Plain,
-        Self::Inflation,
+        Self::Lines,
         Self::Raw,
         Self::HistogramEqualization,
         Self::Retinex,
@@ -42,7 +41,7 @@ impl Variant {
     pub fn name(self) -> &'static str {
         match self {
             Self::Plain => "silhouette only",
-            Self::Inflation => "inflation",
+            Self::Lines => "lines",
             Self::Raw => "raw",
             Self::HistogramEqualization => "HE",
             Self::Retinex => "Retinex",
@@ -53,7 +52,7 @@ impl Variant {
 
     /// Whether its shading is looked at.
     pub fn is_lit(self) -> bool {
-        !matches!(self, Self::Plain | Self::Inflation)
+        !matches!(self, Self::Plain | Self::Lines)
     }
 }
 
@@ -62,15 +61,13 @@ pub fn reconstruct(sample: &Sample, mask: &Mask, few: bool) -> Vec<(Variant, Rel
     let painting = Arc::new(sample.painting.clone());
     let relief = |image: &Image, settings: &HeightSettings| estimate(&colour::light(&image.rgb), mask, settings);
     let settings = HeightSettings::default();
-    let mut inflation = settings;
-    inflation.detail.iterations = 0;
-    let mut plain = relief(&painting, &inflation);
-    if plain.mode == Mode::Figure {
-        plain.height = base::inflated(mask, None, &settings.base);
-    }
+    let mut lines = settings;
+    lines.detail.iterations = 0;
+    let mut plain = lines;
+    plain.crease.depth = 0.0;
     let mut out = vec![
-        (Variant::Plain, plain),
-        (Variant::Inflation, relief(&painting, &inflation)),
+        (Variant::Plain, relief(&painting, &plain)),
+        (Variant::Lines, relief(&painting, &lines)),
         (Variant::Raw, relief(&painting, &settings)),
     ];
     if !few {
