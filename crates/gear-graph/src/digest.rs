@@ -62,12 +62,14 @@ impl Hasher {
     /// Adds f32 samples by their bits (length first). NaNs hash by their bits too.
     pub fn f32s(&mut self, xs: &[f32]) -> &mut Self {
         self.u64(xs.len() as u64);
-        let mut buffer = [0u8; 4096];
-        for chunk in xs.chunks(buffer.len() / 4) {
-            for (bytes, x) in buffer.chunks_exact_mut(4).zip(chunk) {
-                bytes.copy_from_slice(&x.to_le_bytes());
-            }
-            self.0.update(&buffer[..chunk.len() * 4]);
+        if cfg!(target_endian = "little") {
+            // In one piece: BLAKE3 is several times as fast over long stretches as over short ones.
+            self.0.update(bytemuck::cast_slice(xs));
+        } else {
+            xs.chunks(1 << 14).for_each(|chunk| {
+                let bytes: Vec<u8> = chunk.iter().flat_map(|x| x.to_le_bytes()).collect();
+                self.0.update(&bytes);
+            });
         }
         self
     }

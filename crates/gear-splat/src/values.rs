@@ -338,6 +338,39 @@ mod tests {
     }
 
     #[test]
+    fn surroundings_of_a_subject_are_not_written() {
+        let subject = |x: usize, y: usize| (40..60).contains(&x) && (20..70).contains(&y);
+        let plane = |inside: f32, outside: f32| {
+            Field::from_fn(100, 80, |x, y| if subject(x, y) { inside + x as f32 } else { outside })
+        };
+        let view = View {
+            camera: Camera::front(100, 80),
+            name: "front".into(),
+            rgb: Rgb::from_fn(100, 80, |x, y| if subject(x, y) { [x as f32, 0.5, 0.0] } else { [1.0, -0.0, 1.0] }),
+            alpha: Some(plane(1.0, 0.0)),
+            depth: Some(plane(2.0, f32::NAN)),
+            normal: None,
+            weight: Some(plane(0.5, 0.0)),
+        };
+        let views = Views { views: vec![view] };
+        let bytes = views.encode().expect("encodes");
+        // Six channels of 20 x 50 pixels, of 100 x 80.
+        assert!((24_000..32_000).contains(&bytes.len()), "{}", bytes.len());
+        let back = Views::decode(&bytes).expect("decodes");
+        assert_eq!(back.digest(), views.digest());
+
+        // A window outside of its camera's picture is refused.
+        let at = bytes.windows(10).position(|w| w == b"dataWindow").expect("a window");
+        let left = at + b"dataWindow\0box2i\0".len() + 4;
+        let mut moved = bytes.clone();
+        assert_eq!(moved[left..left + 4], 40i32.to_le_bytes());
+        moved[left..left + 4].copy_from_slice(&90i32.to_le_bytes());
+        moved[left + 8..left + 12].copy_from_slice(&109i32.to_le_bytes());
+        let error = Views::decode(&moved).expect_err("outside");
+        assert!(error.to_string().contains("not within its camera's 100x80"), "{error}");
+    }
+
+    #[test]
     fn a_digest_sees_every_attribute_and_the_camera() {
         let (_, scene) = Scene::extremes().swap_remove(1);
         let mut seen = vec![scene.digest()];

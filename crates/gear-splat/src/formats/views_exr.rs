@@ -4,15 +4,22 @@
 //! `NX NY NZ` (world-space normal) and `W` (weight of a target). Each layer's attributes `gear:camera` (JSON), `gear:view`
 //! (its name) and `gear:index` (its place) say what it shows; attributes of the image as a whole do not survive reading.
 //! Layers are named by index and name, since EXR wants distinct names.
+//!
+//! A layer's data window leaves out what surrounds the subject: whole rows and columns at the rim whose pixels are, to the
+//! bit, what the first pixel is. The attribute `gear:outside` says what that was, by channel. A viewer that shows the window
+//! shows the subject; half of a set of views and more is often surroundings.
 
+use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Layers};
+use exr::math::Vec2;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{ReadChannels, ReadLayers, SmallVec, WritableImage, read as reader};
+use gear_graph::Value;
 use gear_image::{Field, Rgb};
 
 use crate::{Camera, View, Views};
@@ -22,13 +29,19 @@ const MOST_SAMPLES: usize = 1 << 32;
 const CAMERA: &str = "gear:camera";
 const NAME: &str = "gear:view";
 const INDEX: &str = "gear:index";
+const OUTSIDE: &str = "gear:outside";
+/// Sets of views with more samples are written whole, so that a small file cannot claim much memory.
+const MOST_CROPPED: usize = 1 << 28;
 
 /// Writes the views.
 pub fn write(views: &Views) -> Result<Vec<u8>, String> {
     let mut layers: SmallVec<[Layer<AnyChannels<FlatSamples>>; 2]> = SmallVec::new();
+    let crops = views.size_bytes() / 4 <= MOST_CROPPED;
     for (index, view) in views.views.iter().enumerate() {
-        layers.push(layer(index, view)?);
+        layers.push(layer(index, view, crops)?);
     }
+    let sizes = layers.iter().map(|layer| layer.size.area() * layer.channel_data.list.len() * 4);
+    let size = sizes.sum::<usize>();
     if layers.is_empty() {
         // EXR needs a layer; one without a camera is no view.
         let plane = AnyChannel::new("Y", FlatSamples::F32(vec![0.0]));
@@ -38,7 +51,7 @@ pub fn write(views: &Views) -> Result<Vec<u8>, String> {
     }
     let area = |v: &View| v.rgb.width().max(1) as i32;
     let widest = views.views.iter().map(area).max().unwrap_or(1);
-    let display = exr::math::Vec2(
+    let display = Vec2(
         widest as usize,
         views.views.iter().map(|v| v.rgb.height()).max().unwrap_or(1),
     );
@@ -46,7 +59,7 @@ pub fn write(views: &Views) -> Result<Vec<u8>, String> {
         attributes: ImageAttributes::with_size(display),
         layer_data: Layers::from(layers),
     };
-    let mut bytes = Vec::new();
+    let mut bytes = Vec::with_capacity(size + size / 64 + (64 << 10));
     image
         .write()
         .non_parallel()
@@ -55,7 +68,7 @@ pub fn write(views: &Views) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-fn layer(index: usize, view: &View) -> Result<Layer<AnyChannels<FlatSamples>>, String> {
+fn layer(index: usize, view: &View, crops: bool) -> Result<Layer<AnyChannels<FlatSamples>>, String> {
     let (width, height) = view.rgb.size();
     if !view.camera.is_valid() {
         return Err(format!("view `{}`: its camera is not finite", view.name));
@@ -66,30 +79,33 @@ fn layer(index: usize, view: &View) -> Result<Layer<AnyChannels<FlatSamples>>, S
             view.name, view.camera.width, view.camera.height
         ));
     }
-    let mut planes: Vec<(&str, Vec<f32>)> = Vec::new();
-    let mut three = |names: [&'static str; 3], pixels: &[[f32; 3]]| {
-        for (c, name) in names.into_iter().enumerate() {
-            planes.push((name, pixels.iter().map(|p| p[c]).collect()));
-        }
-    };
-    three(["R", "G", "B"], view.rgb.data());
+    let mut sources: Vec<(&str, Samples<'_>)> = Vec::new();
+    for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+        sources.push((name, Samples::Third(view.rgb.data(), c)));
+    }
     if let Some(normal) = &view.normal {
-        three(["NX", "NY", "NZ"], normal);
+        for (c, name) in ["NX", "NY", "NZ"].into_iter().enumerate() {
+            sources.push((name, Samples::Third(normal, c)));
+        }
     }
     for (name, plane) in [("A", &view.alpha), ("Z", &view.depth), ("W", &view.weight)] {
         if let Some(plane) = plane {
-            planes.push((name, plane.data().to_vec()));
+            sources.push((name, Samples::Plane(plane.data())));
         }
     }
-    if let Some((name, plane)) = planes.iter().find(|p| p.1.len() != width * height) {
+    if let Some((name, samples)) = sources.iter().find(|s| s.1.len() != width * height) {
         return Err(format!(
             "view `{}`: plane {name} has {} samples; expected {width}x{height}",
             view.name,
-            plane.len()
+            samples.len()
         ));
     }
+    let whole = Window::whole(width, height);
+    let window = if crops { whole.around_subject(&sources) } else { whole };
+    let outside: BTreeMap<&str, u32> = sources.iter().map(|(name, s)| (*name, s.at(0).to_bits())).collect();
+    let outside = serde_json::to_string(&outside).map_err(|e| e.to_string())?;
+    let planes = sources.iter().map(|(name, samples)| (*name, samples.within(&window, width)));
     let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = planes
-        .into_iter()
         .map(|(name, samples)| AnyChannel::new(name, FlatSamples::F32(samples)))
         .collect();
     let camera = serde_json::to_string(&view.camera).map_err(|e| e.to_string())?;
@@ -101,19 +117,107 @@ fn layer(index: usize, view: &View) -> Result<Layer<AnyChannels<FlatSamples>>, S
         (CAMERA, camera.as_str()),
         (NAME, name.as_str()),
         (INDEX, index.to_string().as_str()),
+        (OUTSIDE, outside.as_str()),
         ("gear:colourSpace", "sRGB-encoded"),
     ] {
         attributes
             .other
             .insert(Text::from(key), AttributeValue::Text(Text::from(value)));
     }
+    attributes.layer_position = Vec2(window.left as i32, window.top as i32);
     let channels = AnyChannels::sort(channels);
     Ok(Layer::new(
-        (width, height),
+        (window.width(), window.height()),
         attributes,
         Encoding::UNCOMPRESSED,
         channels,
     ))
+}
+
+/// One channel where it lies.
+enum Samples<'v> {
+    Plane(&'v [f32]),
+    Third(&'v [[f32; 3]], usize),
+}
+
+impl Samples<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Plane(plane) => plane.len(),
+            Self::Third(pixels, _) => pixels.len(),
+        }
+    }
+
+    fn at(&self, i: usize) -> f32 {
+        match self {
+            Self::Plane(plane) => plane[i],
+            Self::Third(pixels, c) => pixels[i][*c],
+        }
+    }
+
+    fn within(&self, window: &Window, width: usize) -> Vec<f32> {
+        let mut out = Vec::with_capacity(window.width() * window.height());
+        for y in window.top..window.bottom {
+            let row = y * width + window.left..y * width + window.right;
+            match self {
+                Self::Plane(plane) => out.extend_from_slice(&plane[row]),
+                Self::Third(pixels, c) => out.extend(pixels[row].iter().map(|p| p[*c])),
+            }
+        }
+        out
+    }
+}
+
+/// A rectangle of pixels, ends excluded; never empty.
+struct Window {
+    left: usize,
+    top: usize,
+    right: usize,
+    bottom: usize,
+}
+
+impl Window {
+    fn whole(width: usize, height: usize) -> Self {
+        Self {
+            left: 0,
+            top: 0,
+            right: width,
+            bottom: height,
+        }
+    }
+
+    fn width(&self) -> usize {
+        self.right - self.left
+    }
+
+    fn height(&self) -> usize {
+        self.bottom - self.top
+    }
+
+    /// Without the rows and columns at the rim that hold nothing but what the first pixel holds. A pixel stays.
+    fn around_subject(mut self, channels: &[(&str, Samples<'_>)]) -> Self {
+        let width = self.width();
+        let outside: Vec<u32> = channels.iter().map(|(_, samples)| samples.at(0).to_bits()).collect();
+        let surroundings = |i: usize| {
+            let mut pairs = channels.iter().zip(&outside);
+            pairs.all(|((_, samples), outside)| samples.at(i).to_bits() == *outside)
+        };
+        let row = |window: &Self, y: usize| (window.left..window.right).all(|x| surroundings(y * width + x));
+        let column = |window: &Self, x: usize| (window.top..window.bottom).all(|y| surroundings(y * width + x));
+        while self.height() > 1 && row(&self, self.bottom - 1) {
+            self.bottom -= 1;
+        }
+        while self.height() > 1 && row(&self, self.top) {
+            self.top += 1;
+        }
+        while self.width() > 1 && column(&self, self.right - 1) {
+            self.right -= 1;
+        }
+        while self.width() > 1 && column(&self, self.left) {
+            self.left += 1;
+        }
+        self
+    }
 }
 
 fn ascii_json(text: &str) -> String {
@@ -144,6 +248,7 @@ fn read_layers(bytes: &[u8]) -> Result<Views, String> {
     if samples > MOST_SAMPLES || samples > bytes.len().saturating_mul(64) {
         return Err(format!("the header claims {samples} samples for {} bytes", bytes.len()));
     }
+    let mut room = MOST_CROPPED.max(samples);
     let image = reader()
         .no_deep_data()
         .largest_resolution_level()
@@ -156,7 +261,7 @@ fn read_layers(bytes: &[u8]) -> Result<Views, String> {
     let mut views = Vec::new();
     for layer in image.layer_data {
         if layer.attributes.other.contains_key(&Text::from(CAMERA)) {
-            views.push(view(layer)?);
+            views.push(view(layer, &mut room)?);
         }
     }
     views.sort_by_key(|(index, _)| *index);
@@ -165,7 +270,7 @@ fn read_layers(bytes: &[u8]) -> Result<Views, String> {
     })
 }
 
-fn view(layer: Layer<AnyChannels<FlatSamples>>) -> Result<(usize, View), String> {
+fn view(layer: Layer<AnyChannels<FlatSamples>>, room: &mut usize) -> Result<(usize, View), String> {
     let text = |key: &str| match layer.attributes.other.get(&Text::from(key)) {
         Some(AttributeValue::Text(text)) => Ok(text.to_string()),
         _ => Err(format!("a layer has no text attribute {key}")),
@@ -173,19 +278,58 @@ fn view(layer: Layer<AnyChannels<FlatSamples>>) -> Result<(usize, View), String>
     let camera: Camera = serde_json::from_str(&text(CAMERA)?).map_err(|e| format!("{CAMERA}: {e}"))?;
     let name: String = serde_json::from_str(&text(NAME)?).map_err(|e| format!("{NAME}: {e}"))?;
     let index = text(INDEX)?.parse().map_err(|e| format!("{INDEX}: {e}"))?;
-    let (width, height) = (layer.size.x(), layer.size.y());
-    if !camera.is_valid() || (width, height) != (camera.width as usize, camera.height as usize) {
-        return Err(format!(
-            "view `{name}` has {width}x{height} pixels, its camera other ones"
-        ));
-    }
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    let size = layer.size;
+    let position = layer.attributes.layer_position;
+    let inside = |at: i32, length: usize, all: usize| {
+        usize::try_from(at).ok().filter(|at| at.checked_add(length).is_some_and(|end| end <= all))
+    };
+    let (left, top) = match (inside(position.x(), size.x(), width), inside(position.y(), size.y(), height)) {
+        (Some(left), Some(top)) if camera.is_valid() => (left, top),
+        _ => {
+            return Err(format!(
+                "view `{name}` has {}x{} pixels at {}, {}, which is not within its camera's {width}x{height}",
+                size.x(),
+                size.y(),
+                position.x(),
+                position.y()
+            ));
+        }
+    };
+    let cropped = (size.x(), size.y()) != (width, height);
+    let outside: BTreeMap<String, u32> = match text(OUTSIDE) {
+        Ok(text) if cropped => serde_json::from_str(&text).map_err(|e| format!("{OUTSIDE}: {e}"))?,
+        Err(missing) if cropped => return Err(missing),
+        _ => BTreeMap::new(),
+    };
+    let whole = (width.saturating_mul(height)).saturating_mul(layer.channel_data.list.len());
+    *room = room
+        .checked_sub(whole)
+        .ok_or_else(|| format!("view `{name}` claims {whole} samples, which is too many"))?;
+    let window = Window {
+        left,
+        top,
+        right: left + size.x(),
+        bottom: top + size.y(),
+    };
     let mut planes = Vec::new();
     for channel in layer.channel_data.list {
+        let channel_name = channel.name.to_string();
         match channel.sample_data {
-            FlatSamples::F32(samples) if samples.len() == width * height => {
-                planes.push((channel.name.to_string(), samples));
+            FlatSamples::F32(samples) if samples.len() != size.area() => {
+                return Err(format!("view `{name}`: channel {channel_name} is subsampled"));
             }
-            _ => return Err(format!("view `{name}`: channel {} is not whole f32", channel.name)),
+            FlatSamples::F32(samples) if !cropped => planes.push((channel_name, samples)),
+            FlatSamples::F32(samples) => {
+                let bits = outside.get(&channel_name);
+                let fill = bits.ok_or_else(|| format!("view `{name}`: {OUTSIDE} has no channel {channel_name}"))?;
+                let mut plane = vec![f32::from_bits(*fill); width * height];
+                for (y, row) in (window.top..).zip(samples.chunks_exact(window.width())) {
+                    plane[y * width + left..][..row.len()].copy_from_slice(row);
+                }
+                planes.push((channel_name, plane));
+            }
+            _ => return Err(format!("view `{name}`: channel {channel_name} is not f32")),
         }
     }
     let mut take = |name: &str| {
