@@ -25,6 +25,8 @@ pub type Removed = HashMap<String, Span>;
 pub struct Unset {
     /// The input or node.
     pub site: String,
+    /// Within which methods, from outside: the parameter that takes methods, and the method.
+    pub within: Vec<(String, String)>,
     /// The parameter.
     pub param: Spanned<String>,
 }
@@ -155,32 +157,18 @@ impl Overlay<'_> {
 
     /// Takes out what a map of parameters removes where nothing is set.
     fn unset_in(&mut self, with: &mut Tree, name: &str) {
-        let TreeKind::Map(entries) = &mut with.kind else {
-            return; // reported when the parameters are read
-        };
-        for (key, _) in entries.extract_if(.., |(_, tree)| tree.kind == TreeKind::Null) {
-            self.unset.push(Unset {
-                site: name.to_owned(),
-                param: key,
-            });
+        if let TreeKind::Map(entries) = &mut with.kind {
+            self.unsetting(name).in_params(entries);
         }
-        for (_, tree) in entries {
-            unset_in_method(tree);
-        }
+        // Anything else is reported when the parameters are read.
     }
 
-    /// Parameters over parameters.
-    fn params(&mut self, base: Tree, mut over: Tree, name: &str) -> Tree {
-        let (TreeKind::Map(set), TreeKind::Map(entries)) = (&base.kind, &mut over.kind) else {
-            return params(base, over);
-        };
-        let is_set = |key: &str| set.iter().any(|(known, _)| known.value == key);
-        let nothing = entries.extract_if(.., |(key, tree)| tree.kind == TreeKind::Null && !is_set(&key.value));
-        self.unset.extend(nothing.map(|(param, _)| Unset {
-            site: name.to_owned(),
-            param,
-        }));
-        params(base, over)
+    fn unsetting<'u>(&'u mut self, site: &'u str) -> Unsetting<'u> {
+        Unsetting {
+            site,
+            within: Vec::new(),
+            unset: &mut self.unset,
+        }
     }
 
     /// A node over a node, or an input over an input; `kind` is the key that says of which type it is.
@@ -207,7 +195,7 @@ impl Overlay<'_> {
         for (key, tree) in entries {
             let tree = match (key.value.as_str(), merged.take(&key.value)) {
                 ("in", Some(base)) => self.wires(base, tree),
-                ("with", Some(base)) => self.params(base, tree, name),
+                ("with", Some(base)) => self.unsetting(name).params(base, tree),
                 ("with", None) => {
                     let mut tree = tree;
                     self.unset_in(&mut tree, name);
@@ -264,64 +252,92 @@ impl Overlay<'_> {
     }
 }
 
-/// Parameters over parameters. A `null` over nothing stays: it may be a value.
-fn params(base: Tree, over: Tree) -> Tree {
-    let span = over.span;
-    let (mut merged, entries) = match maps(base, over) {
-        Ok(both) => both,
-        Err(one) => return one,
-    };
-    for (key, tree) in entries {
-        let base = merged.take(&key.value);
-        if tree.kind == TreeKind::Null {
-            continue;
+/// Lays the parameters of one input or node over others. A `null` over nothing is noted: a parameter of that name may be left
+/// to its default so, but there must be one.
+struct Unsetting<'u> {
+    site: &'u str,
+    /// In which methods the parameters at hand are.
+    within: Vec<(String, String)>,
+    unset: &'u mut Vec<Unset>,
+}
+
+impl Unsetting<'_> {
+    /// Parameters over parameters.
+    fn params(&mut self, base: Tree, over: Tree) -> Tree {
+        let span = over.span;
+        let (mut merged, entries) = match maps(base, over) {
+            Ok(both) => both,
+            Err(one) => return one,
+        };
+        for (key, mut tree) in entries {
+            match (merged.take(&key.value), &tree.kind) {
+                (Some(_), TreeKind::Null) => continue,
+                (None, TreeKind::Null) => {
+                    self.note(key);
+                    continue;
+                }
+                (Some(base), _) => tree = self.param(base, tree, &key.value),
+                (None, _) => self.in_method(&key.value, &mut tree),
+            }
+            merged.put(key, tree);
         }
-        let tree = match base {
-            Some(base) => param(base, tree),
-            None => {
-                let mut tree = tree;
-                unset_in_method(&mut tree);
+        Tree {
+            span,
+            kind: TreeKind::Map(merged.entries()),
+        }
+    }
+
+    /// A method is merged with the same method; every other value is replaced.
+    fn param(&mut self, base: Tree, over: Tree, name: &str) -> Tree {
+        match (base.kind, over.kind) {
+            (TreeKind::Map(mut base), TreeKind::Map(mut entries))
+                if base.len() == 1 && entries.len() == 1 && base[0].0.value == entries[0].0.value =>
+            {
+                let ((_, base), (key, tree)) = (base.remove(0), entries.remove(0));
+                self.within.push((name.to_owned(), key.value.clone()));
+                let params = self.params(base, tree);
+                self.within.pop();
+                Tree {
+                    span: over.span,
+                    kind: TreeKind::Map(vec![(key, params)]),
+                }
+            }
+            (_, kind) => {
+                let mut tree = Tree { span: over.span, kind };
+                self.in_method(name, &mut tree);
                 tree
             }
-        };
-        merged.put(key, tree);
+        }
     }
-    Tree {
-        span,
-        kind: TreeKind::Map(merged.entries()),
-    }
-}
 
-/// A method is merged with the same method; every other value is replaced.
-fn param(base: Tree, over: Tree) -> Tree {
-    match (base.kind, over.kind) {
-        (TreeKind::Map(mut base), TreeKind::Map(mut entries))
-            if base.len() == 1 && entries.len() == 1 && base[0].0.value == entries[0].0.value =>
+    /// Takes out what parameters that are new remove.
+    fn in_params(&mut self, params: &mut Vec<Entry>) {
+        for (key, _) in params.extract_if(.., |(_, tree)| tree.kind == TreeKind::Null) {
+            self.note(key);
+        }
+        for (key, tree) in params {
+            self.in_method(&key.value, tree);
+        }
+    }
+
+    /// The same in a method that is new.
+    fn in_method(&mut self, name: &str, tree: &mut Tree) {
+        if let TreeKind::Map(entries) = &mut tree.kind
+            && let [(method, with)] = entries.as_mut_slice()
+            && let TreeKind::Map(params) = &mut with.kind
         {
-            let ((_, base), (key, tree)) = (base.remove(0), entries.remove(0));
-            Tree {
-                span: over.span,
-                kind: TreeKind::Map(vec![(key, params(base, tree))]),
-            }
-        }
-        (_, kind) => {
-            let mut tree = Tree { span: over.span, kind };
-            unset_in_method(&mut tree);
-            tree
+            self.within.push((name.to_owned(), method.value.clone()));
+            self.in_params(params);
+            self.within.pop();
         }
     }
-}
 
-/// Takes out what a method that is new removes of its parameters.
-fn unset_in_method(tree: &mut Tree) {
-    if let TreeKind::Map(entries) = &mut tree.kind
-        && let [(_, with)] = entries.as_mut_slice()
-        && let TreeKind::Map(params) = &mut with.kind
-    {
-        params.retain(|(_, tree)| tree.kind != TreeKind::Null);
-        for (_, tree) in params {
-            unset_in_method(tree);
-        }
+    fn note(&mut self, param: Spanned<String>) {
+        self.unset.push(Unset {
+            site: self.site.to_owned(),
+            within: self.within.clone(),
+            param,
+        });
     }
 }
 

@@ -100,6 +100,18 @@ pub enum ParamKind {
 }
 
 impl ParamKind {
+    /// The parameters of a method that it takes.
+    pub fn method(&self, name: &str) -> Option<&[ParamSpec]> {
+        match self {
+            Self::Choice { variants } => {
+                let method = variants.iter().find(|variant| variant.name == name)?;
+                Some(&method.params)
+            }
+            Self::OrAuto { of } | Self::Optional { of } => of.method(name),
+            _ => None,
+        }
+    }
+
     /// The kind in words, such as `a number` or `one of relief, figure`.
     pub fn describe(&self) -> String {
         match self {

@@ -15,7 +15,7 @@ use super::file::{File, FileInput, FileNode};
 use super::overlay::Unset;
 use super::{Graph, GraphInput, GraphNode, GraphOutput, GraphSnapshot, Wire, nearest};
 use crate::params::unknown_parameter;
-use crate::{Fields, NodeError, NodeSpec, Problem, Registry, Severity, Span, Spanned, Tree, TreeKind};
+use crate::{Fields, NodeError, NodeSpec, ParamSpec, Problem, Registry, Severity, Span, Spanned, Tree, TreeKind};
 
 /// What a name in the file stands for.
 struct Names<'f> {
@@ -248,26 +248,34 @@ fn read_node(
 
 /// Reports parameters that an overlay removes although nothing has such parameters.
 pub fn unset(unset: &[Unset], file: &File<'_>, registry: &Registry, problems: &mut Vec<Problem>) {
-    for Unset { site, param } in unset {
+    for Unset { site, within, param } in unset {
         let node = file.nodes.iter().find(|node| node.id.value == *site);
         let node_type = node.and_then(|node| registry.find_node(node.node.as_ref()?.value));
         let input = file.inputs.iter().find(|input| input.name.value == *site);
         let type_name = input.and_then(|input| input.type_name.as_ref());
-        let (what, known): (String, Vec<&str>) = match (node_type, type_name) {
-            (Some(node), _) => (
-                format!("node `{site}` ({})", node.spec.name),
-                node.spec.params.iter().map(|param| param.name).collect(),
-            ),
+        let (mut what, mut specs): (String, &[ParamSpec]) = match (node_type, type_name) {
+            (Some(node), _) => (format!("node `{site}` ({})", node.spec.name), &node.spec.params),
             (None, Some(value_type)) if node.is_none() => (
                 format!("input `{site}` ({})", value_type.value),
                 match registry.find_loader(value_type.value) {
-                    Some(loader) => loader.spec.params.iter().map(|param| param.name).collect(),
-                    None => Vec::new(),
+                    Some(loader) => &loader.spec.params,
+                    None => &[],
                 },
             ),
             _ => continue, // its type is unknown, which is reported, or a later overlay removed it
         };
-        if !known.contains(&param.value.as_str()) {
+        let mut is_known = true;
+        for (name, method) in within {
+            let spec = specs.iter().find(|spec| spec.name == *name);
+            match spec.and_then(|spec| spec.kind.method(method)) {
+                Some(params) => specs = params,
+                // Reported when the parameters are read, or no method but a map.
+                None => is_known = false,
+            }
+            what = format!("`{method}` of parameter `{name}` of {what}");
+        }
+        let known: Vec<_> = specs.iter().map(|param| param.name).collect();
+        if is_known && !known.contains(&param.value.as_str()) {
             problems.push(unknown_parameter(&what, param, &known));
         }
     }

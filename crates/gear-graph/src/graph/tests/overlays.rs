@@ -179,7 +179,9 @@ inputs: {y: {with: {scal: null}}}
 nodes:
   ranged: {with: {shar: null}}
   new: {node: Add, in: {of: x}, with: {pluss: null}}
-outputs: {new: new.sum}
+  choose: {with: {when: {above: {treshold: null}}}}
+  other: {node: Choose, in: {a: x, b: x}, with: {when: {above: {thresold: null}}}}
+outputs: {new: new.sum, other: other.chosen}
 ";
     insta::assert_snapshot!(over(text).unwrap_err());
 }
