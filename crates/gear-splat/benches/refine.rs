@@ -3,8 +3,9 @@
 //! * `cargo bench -p gear-splat --bench refine`: on a dome of surfels in a 768² picture, as `Reconstruct` makes it; the
 //!   targets are seven views of it in other colours;
 //! * `… --bench refine -- SCENE.ply TARGETS.exr`: on a scene and targets of your own, as the store keeps them;
-//! * `… --bench refine -- SCENE.ply TARGETS.exr once COLOR ALL`: one run of so many steps, for comparing two programs by
-//!   turns; other programs on the machine disturb processor seconds less than the clock.
+//! * `… --bench refine -- SCENE.ply TARGETS.exr once [KEY=VALUE…]`: one run with the steps `color`, `all` and `final`, the
+//!   `rate` of colours and so on, for comparing two programs by turns; other programs on the machine disturb
+//!   processor seconds less than the clock.
 
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -133,6 +134,37 @@ impl Problem {
             user: after[0] - user,
             system: after[1] - system,
         }
+    }
+
+    /// One run, with the loss at every look.
+    fn once(&self, changes: &[String]) {
+        let mut options = RefineOptions::default();
+        for change in changes {
+            let (key, value) = change.split_once('=').expect("KEY=VALUE");
+            let number: f64 = value.parse().expect("a number");
+            match key {
+                "color" => options.color_iterations = number as usize,
+                "all" => options.iterations = number as usize,
+                "final" => options.final_color_iterations = number as usize,
+                "views" => options.views_per_step = number as usize,
+                "check" => options.check_every = number as usize,
+                "tolerance" => options.tolerance = number,
+                "rate" => options.rates.color = number,
+                "solver" => options.color_solver = ColorSolver::ConjugateGradients,
+                _ => panic!("no option `{key}`"),
+            }
+        }
+        let row = self.run(&options);
+        for point in &row.refined.curve {
+            println!(
+                "{:>6} {:.6} {:.6} {:.6}",
+                point.iteration, point.loss, point.data, point.anchor
+            );
+        }
+        for view in &row.refined.fidelity {
+            println!("view {}: {:.2} dB, then {:.2} dB", view.view, view.before, view.after);
+        }
+        row.print(&changes.join(" "), row.refined.curve[0].loss);
     }
 
     /// What a step of either kind and a look at all views cost.
@@ -289,16 +321,10 @@ fn main() {
             scene: Scene::decode(&read(scene)).expect("a scene"),
             views: Views::decode(&read(targets)).expect("views"),
         };
-        if let [once, color, all] = rest
+        if let [once, changes @ ..] = rest
             && once == "once"
         {
-            let count = |text: &String| text.parse().expect("a number of steps");
-            let row = problem.run(&RefineOptions {
-                color_iterations: count(color),
-                iterations: count(all),
-                ..RefineOptions::default()
-            });
-            row.print("once", row.refined.curve[0].loss);
+            problem.once(changes);
             return;
         }
         problem.parts();

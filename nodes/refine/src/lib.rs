@@ -32,6 +32,10 @@ pub struct Refine {
     #[param(default = 270, range = 0..=100_000)]
     pub iterations: u32,
 
+    /// Steps of conjugate gradients on the colours in the end, with the shapes that were found.
+    #[param(default = 0, range = 0..=100_000)]
+    pub final_color_iterations: u32,
+
     /// Views looked at in each step; the canonical view comes every other time.
     #[param(default = 1, range = 1..=1000)]
     pub views_per_step: u32,
@@ -221,6 +225,7 @@ impl Refine {
                 ColorSolver::ConjugateGradients => refine::ColorSolver::ConjugateGradients,
             },
             iterations: self.iterations as usize,
+            final_color_iterations: self.final_color_iterations as usize,
             views_per_step: self.views_per_step as usize,
             ssim: self.ssim,
             anchor: self.anchor,
@@ -286,6 +291,10 @@ impl Checkpoints for Kept<'_> {
 
     fn keep(&mut self, state: &dyn Fn() -> Vec<u8>) {
         self.0.keep_unfinished(state);
+    }
+
+    fn keep_last(&mut self, state: &dyn Fn() -> Vec<u8>) {
+        self.0.keep_unfinished_now(&state());
     }
 }
 

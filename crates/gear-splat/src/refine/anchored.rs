@@ -268,12 +268,19 @@ impl Anchored {
             .for_each(|(x, start)| *x = x.clamp((-DC_MAX).min(*start), DC_MAX.max(*start)));
     }
 
-    /// μ of the colours of degree 0, and the gradient of the anchor by them.
-    pub fn color_anchor(&self) -> (f32, Vec<f32>) {
+    /// μ of every coordinate of the colours of degree 0, and the gradient of the anchor by it.
+    pub fn color_anchor(&self) -> (Vec<f32>, Vec<f32>) {
         let (_, weight) = self.plan(Group::Colors);
-        let mu = (self.generations.first * curvature(self.lambda, weight, self.scene.len())) as f32;
-        let pairs = Group::Colors.of(&self.scene).iter().zip(Group::Colors.of(&self.anchor));
-        (mu, pairs.map(|(x, start)| mu * (x - start)).collect())
+        let (mu, first) = (
+            curvature(self.lambda, weight, self.scene.len()),
+            self.generations.first as f32,
+        );
+        let firmness = |i: usize| self.firmness.get(i / 3).copied().unwrap_or(first);
+        let x = Group::Colors.of(&self.scene);
+        let mus: Vec<f32> = (0..x.len()).map(|i| (mu * f64::from(firmness(i))) as f32).collect();
+        let pairs = x.iter().zip(Group::Colors.of(&self.anchor)).zip(&mus);
+        let slopes = pairs.map(|((x, start), mu)| mu * (x - start)).collect();
+        (mus, slopes)
     }
 
     /// Which colours are at a limit and cannot follow the loss down its `slope`.

@@ -1,9 +1,9 @@
 //! Unfinished refinements, to go on from.
 //!
-//! At every look at all views the state of a run can be kept: everything that later steps depend on, so that a run that
-//! goes on from it ends with the same bits as one that was never interrupted. What follows from the scene, the targets and
-//! the options is not in it; a state must be given back to the same ones. Numbers are little-endian, lists are preceded
-//! by their length.
+//! At every look at all views, and when Adam's steps are broken off, the state of a run can be kept: everything that
+//! later steps depend on, so that a run that goes on from it ends with the same bits as one that was never interrupted.
+//! What follows from the scene, the targets and the options is not in it; a state must be given back to the same ones.
+//! Numbers are little-endian, lists are preceded by their length.
 
 use super::anchored::{Anchored, Group};
 use super::density::Strain;
@@ -20,6 +20,11 @@ pub trait Checkpoints {
 
     /// Is called at every look. `state` makes the state; whoever does not want it now does not ask for it.
     fn keep(&mut self, state: &dyn Fn() -> Vec<u8>);
+
+    /// Is called when the observer broke off, after which there is no other occasion.
+    fn keep_last(&mut self, state: &dyn Fn() -> Vec<u8>) {
+        self.keep(state);
+    }
 }
 
 /// Keeps nothing.
@@ -32,7 +37,7 @@ impl Checkpoints for () {
 }
 
 impl Run<'_> {
-    /// The state at a look.
+    /// The state between two steps.
     pub(super) fn state(&self) -> Vec<u8> {
         let mut out = Writer(Vec::new());
         out.u64(FORMAT);

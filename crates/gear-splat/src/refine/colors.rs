@@ -186,14 +186,14 @@ struct System {
     /// Curvature by the pixels of each view.
     curvatures: Vec<Curvature>,
     shares: Vec<f32>,
-    /// Curvature of the anchor.
-    mu: f32,
+    /// Curvature of the anchor by coordinate.
+    mu: Colors,
 }
 
 impl System {
     fn new(run: &mut Run, probe: &mut Probe) -> Result<Self, RefineError> {
         let (mu, mut slope) = run.anchored.color_anchor();
-        let mut sums = vec![mu; slope.len()];
+        let mut sums = mu.clone();
         let (mut curvatures, mut shares) = (Vec::new(), Vec::new());
         for (view, (target, frame)) in run.targets.iter().zip(&mut run.frames).enumerate() {
             let share = target.share as f32;
@@ -220,7 +220,7 @@ impl System {
 
     /// A p.
     fn apply(&self, probe: &mut Probe, frames: &mut [Frame], p: &[f32]) -> Result<Colors, DeviceError> {
-        let mut out: Colors = p.iter().map(|p| self.mu * p).collect();
+        let mut out: Colors = p.iter().zip(&self.mu).map(|(p, mu)| mu * p).collect();
         let most = p.par_iter().map(|p| p.abs()).reduce(|| 0.0, f32::max);
         if most > 0.0 {
             let share = 1.0 / most;

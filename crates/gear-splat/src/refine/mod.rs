@@ -69,6 +69,8 @@ pub struct RefineOptions {
     pub color_solver: ColorSolver,
     /// Steps in which everything moves.
     pub iterations: usize,
+    /// Steps of conjugate gradients on the colours in the end, with the shapes that were found.
+    pub final_color_iterations: usize,
     /// Views looked at in each step.
     pub views_per_step: usize,
     /// λ_s: share of structural similarity in the data term, 0 to 1.
@@ -103,6 +105,7 @@ impl Default for RefineOptions {
             color_iterations: 30,
             color_solver: ColorSolver::Adam,
             iterations: 270,
+            final_color_iterations: 0,
             views_per_step: 1,
             ssim: 0.2,
             anchor: 1.0,
@@ -243,7 +246,7 @@ pub fn refine_on(
 }
 
 /// [`refine_on`], going on from the state that `checkpoints` has of the same scene, targets and options, and handing it
-/// the state at every look. The result is that of an uninterrupted run, to the bit.
+/// the state at every look and when it is broken off. The result is that of an uninterrupted run, to the bit.
 pub fn refine_resuming(
     device: &Device,
     scene: &Scene,
@@ -263,13 +266,18 @@ pub fn refine_resuming(
         run.note(first);
     }
     let phases = [
-        (Wanted::COLORS, options.color_iterations),
-        (Wanted::ALL, options.iterations),
+        (Wanted::COLORS, options.color_iterations, options.color_solver),
+        (Wanted::ALL, options.iterations, ColorSolver::Adam),
+        (
+            Wanted::COLORS,
+            options.final_color_iterations,
+            ColorSolver::ConjugateGradients,
+        ),
     ];
-    while let Some(&(phase, iterations)) = phases.get(run.phase) {
+    while let Some(&(phase, iterations, solver)) = phases.get(run.phase) {
         let wanted = run.anchored.wanted(phase);
-        if wanted.moves_shapes() || wanted.colors {
-            if phase == Wanted::COLORS && options.color_solver == ColorSolver::ConjugateGradients {
+        if iterations > 0 && (wanted.moves_shapes() || wanted.colors) {
+            if solver == ColorSolver::ConjugateGradients {
                 run.solve_colors(iterations, checkpoints, observe)?;
             } else {
                 run.descend(phase, iterations, checkpoints, observe)?;
@@ -344,7 +352,7 @@ impl<'a> Run<'a> {
 
     /// Steps there may be.
     fn total(&self) -> usize {
-        self.options.color_iterations + self.options.iterations
+        self.options.color_iterations + self.options.iterations + self.options.final_color_iterations
     }
 
     /// Tells of the step that was just done.
@@ -400,25 +408,35 @@ impl<'a> Run<'a> {
         while self.step < iterations && self.status != Status::NotFinite {
             self.take_step(phase)?;
             self.step += 1;
-            self.tell(observe)?;
             if phase == Wanted::ALL {
                 self.densify_if_due();
             }
-            if self.step.is_multiple_of(self.options.check_every.max(1)) || self.step == iterations {
-                let before = self.curve.last().map_or(f64::INFINITY, |p| p.loss);
-                let now = self.look(self.done)?;
-                self.note(now);
-                if self.status == Status::NotFinite {
-                    break;
-                }
-                if (before - now.loss).abs() < self.options.tolerance * before.abs() {
-                    self.status = Status::Converged;
-                    break;
-                }
-                checkpoints.keep(&|| self.state());
+            let told = self.tell(observe);
+            let is_look = self.step.is_multiple_of(self.options.check_every.max(1)) || self.step == iterations;
+            let ends = is_look && self.look_ends_phase()?;
+            match told {
+                Err(_) if !ends => checkpoints.keep_last(&|| self.state()),
+                Ok(()) if is_look && !ends => checkpoints.keep(&|| self.state()),
+                _ => {}
+            }
+            told?;
+            if ends {
+                break;
             }
         }
         Ok(())
+    }
+
+    /// Looks at all views; true when the loss no longer falls or is not a number.
+    fn look_ends_phase(&mut self) -> Result<bool, DeviceError> {
+        let before = self.curve.last().map_or(f64::INFINITY, |p| p.loss);
+        let now = self.look(self.done)?;
+        self.note(now);
+        if self.status != Status::NotFinite && (before - now.loss).abs() < self.options.tolerance * before.abs() {
+            self.status = Status::Converged;
+            return Ok(true);
+        }
+        Ok(self.status == Status::NotFinite)
     }
 
     fn densify_if_due(&mut self) {
@@ -462,7 +480,8 @@ impl<'a> Run<'a> {
             }
             self.anchored.gather(gradients);
         }
-        let decay = libm::pow(0.1, self.done as f64 / self.total().max(1) as f64);
+        let descending = self.options.color_iterations + self.options.iterations;
+        let decay = libm::pow(0.1, self.done as f64 / descending.max(1) as f64);
         self.skipped += self.anchored.step(phase, decay);
         self.done += 1;
         Ok(())
