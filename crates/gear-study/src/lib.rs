@@ -5,10 +5,12 @@
 //! types have.
 
 pub mod ballot;
+mod csv;
 pub mod curve;
 pub mod diff;
 pub mod norms;
 mod overlay;
+mod painting;
 pub mod planes;
 mod random;
 mod read;

@@ -1,4 +1,25 @@
-//! Random numbers that are the same everywhere: SplitMix64 (Steele, Lea and Flood 2014).
+//! Random numbers that are the same everywhere, by the mixing of SplitMix64 (Steele, Lea and Flood 2014): a stream, and a
+//! hash of counters where no order of evaluation may matter.
+
+/// The step of the stream: 2⁶⁴ over the golden ratio, odd.
+const STEP: u64 = 0x9E37_79B9_7F4A_7C15;
+
+fn mixed(mut z: u64) -> u64 {
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}
+
+/// 64 random bits of a seed and two counters.
+pub fn bits(seed: u64, a: u64, b: u64) -> u64 {
+    let counters = a.wrapping_mul(STEP).wrapping_add(b.wrapping_mul(0xD1B5_4A32_D192_ED03));
+    mixed(seed.wrapping_add(counters).wrapping_add(STEP))
+}
+
+/// A whole number in `0..count` from random bits; 0 of nothing. The bias is below count / 2³².
+pub fn below(bits: u64, count: usize) -> usize {
+    (((bits >> 32) * count as u64) >> 32) as usize
+}
 
 /// A stream of random numbers.
 #[derive(Clone, Debug)]
@@ -12,11 +33,8 @@ impl Random {
 
     /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
+        self.0 = self.0.wrapping_add(STEP);
+        mixed(self.0)
     }
 
     /// Uniform in [0, 1), in steps of 2⁻²⁴.
@@ -24,9 +42,9 @@ impl Random {
         (self.bits() >> 40) as f32 / (1u64 << 24) as f32
     }
 
-    /// One of `0..count`; 0 of nothing. The bias of the remainder is below count / 2⁶⁴.
+    /// One of `0..count`; 0 of nothing.
     pub fn below(&mut self, count: usize) -> usize {
-        (self.bits() % count.max(1) as u64) as usize
+        below(self.bits(), count)
     }
 
     /// Puts items in a random order (Fisher and Yates).
@@ -52,5 +70,16 @@ mod tests {
         }
         assert_eq!(counts.len(), 6);
         assert!(counts.values().all(|count| (850..1150).contains(count)), "{counts:?}");
+    }
+
+    #[test]
+    fn every_number_below_a_count_comes_up_about_equally_often() {
+        let mut counts = [0usize; 7];
+        for i in 0..70_000 {
+            counts[below(bits(1, 2, i), 7)] += 1;
+        }
+        // Ten standard deviations of a binomial with p = 1/7.
+        assert!(counts.iter().all(|c| c.abs_diff(10_000) < 930), "{counts:?}");
+        assert_eq!(below(u64::MAX, 0), 0);
     }
 }

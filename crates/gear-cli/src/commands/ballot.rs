@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use gear_study::ballot::{self, About, Answers, BallotError, Given, Key};
+use gear_study::ballot::{self, About, Answers, BallotError, Collected, Given, Key};
 
 use crate::args::TextFormat;
 use crate::console::Console;
@@ -12,9 +12,9 @@ use crate::error::{CliError, Exit};
 /// `gear ballot`.
 #[derive(Debug, Args)]
 pub struct BallotArgs {
-    /// What is compared: a manifest of a study, or METHOD=DIR for each method, where DIR is a run's folder or holds runs that
-    /// are named like their cases. With --tally: the files of answers
-    #[arg(required = true, value_name = "MANIFEST|METHOD=DIR|ANSWERS")]
+    /// What is compared: the output folder of a study; or METHOD=DIR for each method, where DIR is a run's folder or holds
+    /// runs that are named like their cases; or a manifest. With --tally: the files of answers
+    #[arg(required = true, value_name = "STUDY|METHOD=DIR|MANIFEST|ANSWERS")]
     pub given: Vec<String>,
     /// Count answers instead
     #[arg(long, requires = "key")]
@@ -40,12 +40,15 @@ pub struct BallotArgs {
     /// Longer side of the pictures, in pixels
     #[arg(long, value_name = "PX", default_value_t = 320, value_parser = clap::value_parser!(u16).range(16..=2048))]
     pub size: u16,
-    /// Traditions and paintings of the cases: CSV with the columns case, tradition, painting
+    /// Traditions and paintings of the cases of METHOD=DIR: CSV with the columns case, tradition, painting
     #[arg(long, value_name = "FILE")]
     pub about: Option<PathBuf>,
-    /// Only these cases
+    /// Only this case; several times for several
     #[arg(long, value_name = "NAME")]
     pub case: Vec<String>,
+    /// Only this method, a variant of the study; several times for several
+    #[arg(long, value_name = "NAME")]
+    pub method: Vec<String>,
     /// How --tally tells its count
     #[arg(long, value_enum, default_value_t = TextFormat::Text)]
     pub format: TextFormat,
@@ -63,23 +66,13 @@ fn make(args: &BallotArgs, console: &Console) -> Result<Exit, CliError> {
     let given = Given {
         size: usize::from(args.size),
         frames: usize::from(args.frames),
+        cases: args.case.clone(),
+        methods: args.method.clone(),
     };
-    let (methods, cases) = match args.given.as_slice() {
-        [manifest] if !manifest.contains('=') => ballot::from_manifest(Path::new(manifest), given)?,
-        folders => {
-            let mut parsed = Vec::new();
-            for text in folders {
-                let (method, folder) = text.split_once('=').ok_or_else(|| {
-                    BallotError::Nothing(format!(
-                        "{text}: expected METHOD=DIR, such as `gear=out/gear`, or one manifest"
-                    ))
-                })?;
-                parsed.push((method.to_owned(), PathBuf::from(folder)));
-            }
-            let about = args.about.as_deref().map(About::read).transpose()?.unwrap_or_default();
-            ballot::from_folders(&parsed, &about, &args.case, given)?
-        }
-    };
+    let Collected { methods, cases, notes } = collect(args, &given)?;
+    for note in &notes {
+        console.warning(note);
+    }
     let (key, sheets) = ballot::draw(&cases, &methods, args.seed, usize::from(args.sheets));
     let page = ballot::page(&args.title, &cases, &key, &sheets)?;
     let beside = args.key.clone().unwrap_or_else(|| args.out.with_extension("key.json"));
@@ -103,6 +96,30 @@ fn make(args: &BallotArgs, console: &Console) -> Result<Exit, CliError> {
         beside.display()
     ));
     Ok(Exit::Done)
+}
+
+fn collect(args: &BallotArgs, given: &Given) -> Result<Collected, BallotError> {
+    if let [single] = args.given.as_slice()
+        && !single.contains('=')
+    {
+        let path = Path::new(single);
+        return match path.file_name().is_some_and(|name| name == ballot::STUDY) {
+            true => ballot::from_study(path, given),
+            false if path.is_dir() => ballot::from_study(&path.join(ballot::STUDY), given),
+            false => ballot::from_manifest(path, given),
+        };
+    }
+    let mut folders = Vec::new();
+    for text in &args.given {
+        let (method, folder) = text.split_once('=').ok_or_else(|| {
+            BallotError::Nothing(format!(
+                "{text}: expected METHOD=DIR, such as `gear=out/gear`, or the folder of one study alone"
+            ))
+        })?;
+        folders.push((method.to_owned(), PathBuf::from(folder)));
+    }
+    let about = args.about.as_deref().map(About::read).transpose()?.unwrap_or_default();
+    ballot::from_folders(&folders, &about, given)
 }
 
 fn count(args: &BallotArgs, console: &Console) -> Result<Exit, CliError> {

@@ -57,19 +57,32 @@
     }
     const { trial: id, tokens } = trials[number];
     const turns = tokens.map((token) => data.pictures[token]);
-    const most = Math.max(...turns.map((frames) => frames.length));
-    const images = turns.map((frames, place) => element("img", {
-      src: frames[0], alt: `Picture ${letter(place)}, turned by the slider`, draggable: false,
+    const angles = turns.flatMap((turn) => turn.angles);
+    // A turn that leaves less than a quarter open goes round; any other ends on both sides.
+    const span = Math.max(...angles) - Math.min(...angles);
+    const closed = span >= 270;
+    const [low, high] = closed ? [0, 359] : [Math.min(...angles), Math.max(...angles)];
+    const within = (angle) => (closed ? ((angle % 360) + 360) % 360 : Math.min(high, Math.max(low, angle)));
+    const apart = (a, b) => {
+      const d = Math.abs(a - b) % 360;
+      return closed ? Math.min(d, 360 - d) : Math.abs(a - b);
+    };
+    const images = turns.map((_, place) => element("img", {
+      alt: `Picture ${letter(place)}, turned by the slider`, draggable: false,
     }));
-    const slider = element("input", { type: "range", min: 0, max: most - 1, value: 0, id: "turn" });
+    const slider = element("input", { type: "range", id: "turn", step: 1, min: low, max: high });
+    slider.value = within(0);
     slider.setAttribute("aria-label", "Turn all pictures");
     const show = () => {
-      const share = Number(slider.value) / most;
+      const angle = Number(slider.value);
       images.forEach((image, place) => {
-        image.src = turns[place][Math.floor(share * turns[place].length)];
+        const { angles: of, frames } = turns[place];
+        const nearest = of.reduce((best, a, i) => (apart(a, angle) < apart(of[best], angle) ? i : best), 0);
+        image.src = frames[nearest];
       });
     };
     slider.oninput = show;
+    show();
     let dragged = null;
     images.forEach((image) => {
       image.onpointerdown = (event) => {
@@ -78,8 +91,8 @@
       };
       image.onpointermove = (event) => {
         if (dragged) {
-          const steps = Math.round((event.clientX - dragged.x) / 300 * most);
-          slider.value = (((dragged.from + steps) % most) + most) % most;
+          // The front follows the hand.
+          slider.value = within(dragged.from - (event.clientX - dragged.x) * 0.6);
           show();
         }
       };

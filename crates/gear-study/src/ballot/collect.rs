@@ -15,21 +15,54 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use gear_image::filter::{fit_longer_side, resize_rgb};
-use gear_image::{Image, SrgbImage};
-use gear_report::picture::Pixels;
+use gear_graph::graph::nearest;
 use serde::Deserialize;
 use serde_json::Value as Json;
 
-use super::{BallotError, Case, VERSION};
+use super::{BallotError, Case, Collected, Turn, VERSION};
+use crate::csv;
+use crate::painting::painting;
+use crate::study::Source;
 
-/// How pictures are taken in.
-#[derive(Clone, Copy, Debug)]
+/// What is taken in.
+#[derive(Clone, Debug, Default)]
 pub struct Given {
     /// Longer side of frames and paintings in the page.
     pub size: usize,
     /// At most so many frames of a turn, evenly chosen.
     pub frames: usize,
+    /// Only these cases; all if none is named.
+    pub cases: Vec<String>,
+    /// Only these methods; all if none is named.
+    pub methods: Vec<String>,
+}
+
+impl Given {
+    pub(super) fn wants_case(&self, name: &str) -> bool {
+        self.cases.is_empty() || self.cases.iter().any(|wanted| wanted == name)
+    }
+
+    pub(super) fn wants_method(&self, name: &str) -> bool {
+        self.methods.is_empty() || self.methods.iter().any(|wanted| wanted == name)
+    }
+
+    /// Refuses what was asked for by a name that nothing has.
+    pub(super) fn check(&self, cases: &[String], methods: &[String]) -> Result<(), BallotError> {
+        for (what, wanted, known) in [("case", &self.cases, cases), ("method", &self.methods, methods)] {
+            if let Some(name) = wanted.iter().find(|name| !known.contains(name)) {
+                let near = nearest(name, known.iter().map(String::as_str));
+                return Err(BallotError::Unknown {
+                    what,
+                    name: name.clone(),
+                    help: match near {
+                        Some(near) => format!("did you mean `{near}`?"),
+                        None => format!("there are {}", known.join(", ")),
+                    },
+                });
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A manifest.
@@ -68,10 +101,9 @@ impl About {
             cause,
         };
         let text = std::fs::read_to_string(file).map_err(|e| bad(e.to_string()))?;
-        let mut lines = text
-            .lines()
-            .map(cells)
-            .filter(|cells| cells.iter().any(|cell| !cell.is_empty()));
+        let mut lines = csv::rows(&text, 0)
+            .into_iter()
+            .map(|row| row.into_iter().map(|cell| cell.value).collect::<Vec<_>>());
         let heads = lines
             .next()
             .ok_or_else(|| bad("it is empty; expected the columns case, tradition, painting".into()))?;
@@ -92,100 +124,79 @@ impl About {
     }
 }
 
-/// The cells of a line of CSV; commas within double quotes belong to the cell.
-fn cells(line: &str) -> Vec<String> {
-    let mut cells = vec![String::new()];
-    let mut quoted = false;
-    let mut chars = line.trim_end_matches('\r').chars().peekable();
-    while let Some(c) = chars.next() {
-        let last = cells.len() - 1;
-        match c {
-            '"' if quoted && chars.peek() == Some(&'"') => {
-                chars.next();
-                cells[last].push('"');
-            }
-            '"' => quoted = !quoted,
-            ',' if !quoted => cells.push(String::new()),
-            c => cells[last].push(c),
-        }
-    }
-    cells.into_iter().map(|cell| cell.trim().to_owned()).collect()
-}
-
-/// The cases of a manifest, and its methods.
-pub fn from_manifest(file: &Path, given: Given) -> Result<(Vec<String>, Vec<Case>), BallotError> {
-    let bad = |cause: String| BallotError::File {
-        file: file.to_path_buf(),
-        cause,
-    };
-    let text = std::fs::read(file).map_err(|e| bad(e.to_string()))?;
-    let manifest: Manifest = serde_json::from_slice(&text).map_err(|e| bad(e.to_string()))?;
+/// The cases of a manifest.
+pub fn from_manifest(file: &Path, given: &Given) -> Result<Collected, BallotError> {
+    let manifest: Manifest = read(file)?;
     if manifest.ballot != VERSION {
-        return Err(bad(format!("is of version {}, expected {VERSION}", manifest.ballot)));
+        let cause = format!("is of version {}, expected {VERSION}", manifest.ballot);
+        return Err(failed(file, cause));
     }
     let folder = file.parent().unwrap_or(Path::new(""));
+    let names: Vec<String> = manifest.cases.iter().map(|case| case.name.clone()).collect();
+    let methods = manifest.cases.iter().flat_map(|case| case.methods.keys().cloned());
+    given.check(&names, &methods.collect::<Vec<_>>())?;
     let mut cases = Vec::new();
-    for case in manifest.cases {
-        let mut frames = BTreeMap::new();
-        for (method, files) in case.methods {
-            let files: Vec<_> = files.into_iter().map(|file| folder.join(file)).collect();
-            frames.insert(method, turn(&files, given)?);
+    for case in manifest.cases.into_iter().filter(|case| given.wants_case(&case.name)) {
+        let mut turns = BTreeMap::new();
+        for (method, files) in case.methods.into_iter().filter(|(m, _)| given.wants_method(m)) {
+            let files = files.into_iter().map(|file| (angle(&file), folder.join(file)));
+            turns.insert(method, turn(files.collect(), given)?);
         }
         let painting = case.painting.map(|painting| jpeg(&folder.join(painting), given.size));
         cases.push(Case {
             name: case.name,
             tradition: case.tradition,
             painting: painting.transpose()?,
-            frames,
+            turns,
         });
     }
-    let methods = paired(&cases)?;
-    Ok((methods, cases))
+    paired(cases)
 }
 
 /// The cases of run folders, one folder a method.
 pub fn from_folders(
     folders: &[(String, PathBuf)],
     about: &BTreeMap<String, About>,
-    only: &[String],
-    given: Given,
-) -> Result<(Vec<String>, Vec<Case>), BallotError> {
-    let mut cases: BTreeMap<String, Case> = BTreeMap::new();
+    given: &Given,
+) -> Result<Collected, BallotError> {
+    let mut found = Vec::new();
     for (method, folder) in folders {
-        let runs = runs(folder)?;
-        for (name, run) in runs {
-            if !only.is_empty() && !only.contains(&name) {
-                continue;
-            }
-            let about = about.get(&name).cloned().unwrap_or_default();
-            let record = record(&run)?;
-            let frames = turn(&frames(&run, &record)?, given)?;
-            if !cases.contains_key(&name) {
-                let painting = match &about.painting {
-                    Some(painting) => Some(jpeg(painting, given.size)?),
-                    None => painting_of(&record, given.size),
-                };
-                let case = Case {
-                    name: name.clone(),
-                    tradition: about.tradition,
-                    painting,
-                    frames: BTreeMap::new(),
-                };
-                cases.insert(name.clone(), case);
-            }
-            if let Some(case) = cases.get_mut(&name) {
-                case.frames.insert(method.clone(), frames);
-            }
+        found.extend(runs(folder)?.into_iter().map(|(name, run)| (method, name, run)));
+    }
+    let names: Vec<String> = found.iter().map(|(_, name, _)| name.clone()).collect();
+    let methods: Vec<String> = folders.iter().map(|(method, _)| method.clone()).collect();
+    given.check(&names, &methods)?;
+    let mut cases: BTreeMap<String, Case> = BTreeMap::new();
+    for (method, name, run) in found {
+        if !given.wants_case(&name) || !given.wants_method(method) {
+            continue;
+        }
+        let about = about.get(&name).cloned().unwrap_or_default();
+        let record: Json = read(&run.join("run.json"))?;
+        let turn = turn(frames(&run, &record)?, given)?;
+        if !cases.contains_key(&name) {
+            let painting = match &about.painting {
+                Some(painting) => Some(jpeg(painting, given.size)?),
+                None => painting_of(&record, given.size),
+            };
+            let case = Case {
+                name: name.clone(),
+                tradition: about.tradition,
+                painting,
+                turns: BTreeMap::new(),
+            };
+            cases.insert(name.clone(), case);
+        }
+        if let Some(case) = cases.get_mut(&name) {
+            case.turns.insert(method.clone(), turn);
         }
     }
-    let cases: Vec<Case> = cases.into_values().collect();
-    let methods = paired(&cases)?;
-    Ok((methods, cases))
+    paired(cases.into_values().collect())
 }
 
-/// The methods; each case must have all of them.
-fn paired(cases: &[Case]) -> Result<Vec<String>, BallotError> {
-    let mut methods: Vec<String> = cases.iter().flat_map(|case| case.frames.keys().cloned()).collect();
+/// The methods of cases; each case must have all of them.
+pub(super) fn paired(cases: Vec<Case>) -> Result<Collected, BallotError> {
+    let mut methods: Vec<String> = cases.iter().flat_map(|case| case.turns.keys().cloned()).collect();
     methods.sort();
     methods.dedup();
     if methods.len() < 2 {
@@ -198,24 +209,38 @@ fn paired(cases: &[Case]) -> Result<Vec<String>, BallotError> {
             }
         )));
     }
-    for case in cases {
-        if let Some(method) = methods.iter().find(|method| !case.frames.contains_key(*method)) {
+    for case in &cases {
+        if let Some(method) = methods.iter().find(|method| !case.turns.contains_key(*method)) {
             return Err(BallotError::Unpaired {
                 method: method.clone(),
                 case: case.name.clone(),
-                other: case.frames.keys().next().cloned().unwrap_or_default(),
+                other: case.turns.keys().next().cloned().unwrap_or_default(),
             });
         }
     }
-    Ok(methods)
+    Ok(Collected {
+        methods,
+        cases,
+        notes: Vec::new(),
+    })
+}
+
+pub(super) fn failed(file: &Path, cause: impl Into<String>) -> BallotError {
+    BallotError::File {
+        file: file.to_path_buf(),
+        cause: cause.into(),
+    }
+}
+
+/// Reads a file of JSON.
+pub(super) fn read<T: serde::de::DeserializeOwned>(file: &Path) -> Result<T, BallotError> {
+    let text = std::fs::read(file).map_err(|e| failed(file, e.to_string()))?;
+    serde_json::from_slice(&text).map_err(|e| failed(file, e.to_string()))
 }
 
 /// The runs in a folder: itself, or its subfolders, by name.
 fn runs(folder: &Path) -> Result<Vec<(String, PathBuf)>, BallotError> {
-    let bad = |cause: String| BallotError::File {
-        file: folder.to_path_buf(),
-        cause,
-    };
+    let bad = |cause: String| failed(folder, cause);
     if folder.join("run.json").is_file() {
         // A single run is one case, whatever its folder is called: it is the same for all methods.
         return Ok(vec![("case".to_owned(), folder.to_path_buf())]);
@@ -235,18 +260,8 @@ fn runs(folder: &Path) -> Result<Vec<(String, PathBuf)>, BallotError> {
     Ok(runs)
 }
 
-fn record(run: &Path) -> Result<Json, BallotError> {
-    let file = run.join("run.json");
-    let bad = |cause: String| BallotError::File {
-        file: file.clone(),
-        cause,
-    };
-    let text = std::fs::read(&file).map_err(|e| bad(e.to_string()))?;
-    serde_json::from_slice(&text).map_err(|e| bad(e.to_string()))
-}
-
-/// The files of a run's turn, in the order of their angles.
-fn frames(run: &Path, record: &Json) -> Result<Vec<PathBuf>, BallotError> {
+/// The files of a run's turn, with their angles.
+fn frames(run: &Path, record: &Json) -> Result<Vec<(Option<f64>, PathBuf)>, BallotError> {
     let names = |of: &Json| of.as_array().cloned().unwrap_or_default();
     let files: Vec<String> = names(&record["files"])
         .iter()
@@ -263,23 +278,19 @@ fn frames(run: &Path, record: &Json) -> Result<Vec<PathBuf>, BallotError> {
     let views: Vec<_> = views.iter().filter(|output| output["type"] == "Views").collect();
     let views: Vec<&str> = views.iter().filter_map(|output| output["name"].as_str()).collect();
     let best = views.iter().max_by_key(|name| (**name == "orbit", of(name).len()));
-    let mut turn: Vec<_> = best.map(|name| of(name)).unwrap_or_default();
+    let turn: Vec<_> = best.map(|name| of(name)).unwrap_or_default();
     if turn.is_empty() {
-        return Err(BallotError::File {
-            file: run.to_path_buf(),
-            cause: "its graph puts out no views; add an output such as `orbit: orbit.views`".to_owned(),
-        });
+        let cause = "its graph puts out no views; add an output such as `orbit: orbit.views`";
+        return Err(failed(run, cause));
     }
-    turn.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
-    Ok(turn.into_iter().map(|file| run.join(file)).collect())
+    let turn = turn.into_iter();
+    Ok(turn.map(|file| (angle(Path::new(file)), run.join(file))).collect())
 }
 
 /// The number behind `yaw` in a file's name.
-fn angle(file: &str) -> f64 {
-    let name = file.rsplit('/').next().unwrap_or_default().trim_end_matches(".png");
-    name.strip_prefix("yaw")
-        .and_then(|angle| angle.parse().ok())
-        .unwrap_or(0.0)
+pub(super) fn angle(file: &Path) -> Option<f64> {
+    let angle = file.file_stem()?.to_str()?.strip_prefix("yaw")?.parse();
+    angle.ok().filter(|angle: &f64| angle.is_finite())
 }
 
 /// The painting that a run was given, if it can be had.
@@ -288,49 +299,37 @@ fn painting_of(record: &Json, size: usize) -> Option<Vec<u8>> {
     let painting = nodes
         .iter()
         .find(|node| node["input"] == true && node["type"] == "Image")?;
-    let source = painting["source"].as_str()?;
-    match source.strip_prefix("sample:") {
-        Some(sample) => {
-            let options = gear_sample::Options {
-                longer_side: size.clamp(gear_sample::MIN_SIDE, gear_sample::MAX_SIDE),
-                ..gear_sample::Options::default()
-            };
-            let sample = gear_sample::paint(sample, &options).ok()?;
-            small(&sample.painting.rgb, size).ok()
-        }
-        None => jpeg(Path::new(source), size).ok(),
-    }
+    let source = Source::parse(painting["source"].as_str()?, Path::new(""));
+    Some(self::painting(&source, size).ok()?.jpeg().ok()?.bytes)
 }
 
-fn turn(files: &[PathBuf], given: Given) -> Result<Vec<Vec<u8>>, BallotError> {
+/// The files of a turn in the order of their angles; where a name tells none, they go evenly around.
+pub(super) fn turn(mut files: Vec<(Option<f64>, PathBuf)>, given: &Given) -> Result<Turn, BallotError> {
+    if files.iter().any(|(angle, _)| angle.is_none()) {
+        let step = 360.0 / files.len() as f64;
+        for (i, (angle, _)) in files.iter_mut().enumerate() {
+            *angle = Some(step * i as f64);
+        }
+    }
+    files.sort_by(|a, b| a.0.unwrap_or(0.0).total_cmp(&b.0.unwrap_or(0.0)));
     let count = files.len().min(given.frames.max(1));
-    (0..count)
-        .map(|i| jpeg(&files[i * files.len() / count], given.size))
-        .collect()
+    let chosen = (0..count).map(|i| &files[i * files.len() / count]);
+    let mut turn = Turn {
+        angles: Vec::new(),
+        frames: Vec::new(),
+    };
+    for (angle, file) in chosen {
+        turn.angles.push(angle.unwrap_or(0.0));
+        turn.frames.push(jpeg(file, given.size)?);
+    }
+    Ok(turn)
 }
 
 /// A picture file as a small JPEG that says nothing but its pixels.
-fn jpeg(file: &Path, size: usize) -> Result<Vec<u8>, BallotError> {
-    let bad = |cause: String| BallotError::File {
-        file: file.to_path_buf(),
-        cause,
-    };
-    let picture = image::open(file).map_err(|e| bad(e.to_string()))?.to_rgb8();
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let pixels = picture.pixels().map(|p| p.0.map(|c| f32::from(c) / 255.0)).collect();
-    small(&SrgbImage::from_vec(width, height, pixels), size).map_err(bad)
-}
-
-fn small(rgb: &SrgbImage, size: usize) -> Result<Vec<u8>, String> {
-    let (width, height) = rgb.size();
-    let rgb = match fit_longer_side(width, height, size) {
-        (w, h) if (w, h) != (width, height) => resize_rgb(rgb, w, h),
-        _ => rgb.clone(),
-    };
-    let picture = Pixels::of_image(&Image::opaque(rgb))
-        .jpeg()
-        .map_err(|e| e.to_string())?;
-    Ok(picture.bytes)
+pub(super) fn jpeg(file: &Path, size: usize) -> Result<Vec<u8>, BallotError> {
+    let pixels = painting(&Source::File(file.to_path_buf()), size);
+    let picture = pixels.and_then(|pixels| pixels.jpeg().map_err(|e| e.to_string()));
+    Ok(picture.map_err(|cause| failed(file, cause))?.bytes)
 }
 
 #[cfg(test)]
@@ -338,24 +337,41 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_are_in_the_order_of_their_angles() {
+    fn the_turn_of_a_run_is_its_orbit() {
         let record = serde_json::json!({
             "outputs": [{"name": "views", "type": "Views"}, {"name": "orbit", "type": "Views"}, {"name": "scene", "type": "Scene"}],
             "files": ["views/yaw-90.png", "views/yaw+0.png", "views/yaw+90.png",
                       "orbit/yaw+100.png", "orbit/yaw+20.png", "orbit/yaw+0.png", "scene.ply"],
         });
         let found = frames(Path::new("run"), &record).unwrap();
-        let names = ["run/orbit/yaw+0.png", "run/orbit/yaw+20.png", "run/orbit/yaw+100.png"];
-        assert_eq!(found, names.map(PathBuf::from));
+        let expected = [
+            (100.0, "run/orbit/yaw+100.png"),
+            (20.0, "run/orbit/yaw+20.png"),
+            (0.0, "run/orbit/yaw+0.png"),
+        ];
+        assert_eq!(found, expected.map(|(angle, file)| (Some(angle), PathBuf::from(file))));
         assert!(frames(Path::new("run"), &serde_json::json!({})).is_err());
     }
 
     #[test]
-    fn cells_with_commas_and_quotes_stay_whole() {
-        assert_eq!(
-            cells("a,\"b, c\",\"say \"\"d\"\"\", e "),
-            ["a", "b, c", "say \"d\"", "e"]
-        );
+    fn frames_go_by_their_angles_or_evenly_around() {
+        let folder = tempfile::tempdir().unwrap();
+        let picture = painting(&Source::Sample("vessel".into()), 32).unwrap().png().unwrap();
+        let file = |name: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, &picture.bytes).unwrap();
+            (angle(&path), path)
+        };
+        let named = vec![file("yaw+90.png"), file("yaw-90.png"), file("yaw+0.png")];
+        let given = |frames| Given {
+            size: 16,
+            frames,
+            ..Given::default()
+        };
+        assert_eq!(turn(named.clone(), &given(9)).unwrap().angles, [-90.0, 0.0, 90.0]);
+        assert_eq!(turn(named, &given(2)).unwrap().frames.len(), 2);
+        let unnamed = vec![file("a.png"), file("b.png"), file("yaw+3.png")];
+        assert_eq!(turn(unnamed, &given(9)).unwrap().angles, [0.0, 120.0, 240.0]);
     }
 
     #[test]

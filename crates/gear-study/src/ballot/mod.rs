@@ -18,6 +18,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `collect` | run folders and manifests → cases with pictures |
+//! | `study` | results of a study → the same |
 //! | `sheets` | tokens and orders |
 //! | `page` | the page |
 //! | `tally` | answers → shares |
@@ -25,6 +26,7 @@
 mod collect;
 mod page;
 mod sheets;
+mod study;
 mod tally;
 
 use std::collections::BTreeMap;
@@ -35,6 +37,7 @@ use serde::{Deserialize, Serialize};
 pub use collect::{About, Given, Manifest, from_folders, from_manifest};
 pub use page::page;
 pub use sheets::{Sheet, Trial, draw};
+pub use study::{STUDY, from_study};
 pub use tally::{Answers, Interval, Share, Tally, tally};
 
 /// The version of keys and answers.
@@ -68,8 +71,18 @@ pub enum BallotError {
     /// There is nothing to compare.
     #[error("{0}")]
     Nothing(String),
+    /// What was asked for is not there.
+    #[error("there is no {what} `{name}`; {help}")]
+    Unknown {
+        /// Case or method.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// The nearest name, or all of them.
+        help: String,
+    },
     /// A method lacks a case that another one has.
-    #[error("the method `{method}` has no case `{case}`, which `{other}` has; leave it out with --case, or run it")]
+    #[error("the method `{method}` has no case `{case}`, which `{other}` has; run it, or name the others with --case")]
     Unpaired {
         /// The method without it.
         method: String,
@@ -110,8 +123,28 @@ pub struct Case {
     pub tradition: String,
     /// The painting as JPEG, if there is one.
     pub painting: Option<Vec<u8>>,
-    /// By method, the frames of a turn as JPEG.
-    pub frames: BTreeMap<String, Vec<Vec<u8>>>,
+    /// By method, what it made of it.
+    pub turns: BTreeMap<String, Turn>,
+}
+
+/// Views of one scene from several sides.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Turn {
+    /// From where each is taken, in degrees; 0 is the painting's own side.
+    pub angles: Vec<f64>,
+    /// The views as JPEG.
+    pub frames: Vec<Vec<u8>>,
+}
+
+/// Cases to judge.
+#[derive(Clone, Debug, Default)]
+pub struct Collected {
+    /// The methods, sorted; each case has all of them.
+    pub methods: Vec<String>,
+    /// The cases.
+    pub cases: Vec<Case>,
+    /// What was left out, and why.
+    pub notes: Vec<String>,
 }
 
 /// What a token stands for.

@@ -25,14 +25,11 @@ pub fn page(title: &str, cases: &[Case], key: &Key, sheets: &[Sheet]) -> Result<
         let Some(case) = cases.iter().find(|case| case.name == meaning.case) else {
             continue;
         };
-        let frames: Vec<_> = case
-            .frames
-            .get(&meaning.method)
-            .into_iter()
-            .flatten()
-            .map(uri)
-            .collect();
-        pictures.insert(token, frames);
+        let Some(turn) = case.turns.get(&meaning.method) else {
+            continue;
+        };
+        let frames: Vec<_> = turn.frames.iter().map(uri).collect();
+        pictures.insert(token, json!({"angles": turn.angles, "frames": frames}));
         if let (Some(trial), Some(painting)) = (trial_of(token), &case.painting) {
             paintings.insert(trial, uri(painting));
         }

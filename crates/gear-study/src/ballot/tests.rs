@@ -10,9 +10,15 @@ fn cases(count: usize, methods: &[String]) -> Vec<Case> {
             name: format!("secret-case-{i}"),
             tradition: if i % 2 == 0 { "Mural".into() } else { "Thangka".into() },
             painting: Some(vec![1, 2, i as u8]),
-            frames: methods
+            turns: methods
                 .iter()
-                .map(|m| (m.clone(), vec![vec![i as u8; 3], vec![i as u8; 4]]))
+                .map(|m| {
+                    let turn = Turn {
+                        angles: vec![0.0, 30.0],
+                        frames: vec![vec![i as u8; 3], vec![i as u8; 4]],
+                    };
+                    (m.clone(), turn)
+                })
                 .collect(),
         })
         .collect()
@@ -208,20 +214,92 @@ fn run_folders_become_cases_and_what_is_not_paired_is_refused() {
         run(method, case);
     }
     let folders: Vec<_> = ["a", "b"].map(|m| (m.to_owned(), root.path().join(m))).to_vec();
-    let given = Given { size: 32, frames: 2 };
-    let found = from_folders(&folders, &BTreeMap::new(), &[], given);
+    let given = |cases: &[&str]| Given {
+        size: 32,
+        frames: 2,
+        cases: cases.iter().map(ToString::to_string).collect(),
+        methods: Vec::new(),
+    };
+    let found = from_folders(&folders, &BTreeMap::new(), &given(&[]));
     assert!(matches!(found, Err(BallotError::Unpaired { .. })), "{found:?}");
-    let (methods, cases) = from_folders(&folders, &BTreeMap::new(), &["one".into()], given).unwrap();
+    let Collected { methods, cases, .. } = from_folders(&folders, &BTreeMap::new(), &given(&["one"])).unwrap();
     assert_eq!(methods, ["a", "b"]);
-    assert_eq!((cases.len(), cases[0].frames["a"].len()), (1, 2));
+    assert_eq!((cases.len(), cases[0].turns["a"].frames.len()), (1, 2));
     assert!(cases[0].painting.is_some(), "the sample is painted");
-    let alone = from_folders(&folders[..1], &BTreeMap::new(), &[], given);
+    let alone = from_folders(&folders[..1], &BTreeMap::new(), &given(&[]));
     assert!(matches!(alone, Err(BallotError::Nothing(_))));
+    let misspelt = from_folders(&folders, &BTreeMap::new(), &given(&["oen"])).unwrap_err();
+    assert!(misspelt.to_string().contains("did you mean `one`?"), "{misspelt}");
 
     let manifest = root.path().join("ballot.json");
     let text = serde_json::json!({"ballot": 1, "cases": [{"name": "one", "tradition": "Mural", "methods": {
         "a": ["a/one/orbit/yaw+0.png"], "b": ["b/one/orbit/yaw+0.png"]}}]});
     std::fs::write(&manifest, text.to_string()).unwrap();
-    let (methods, cases) = from_manifest(&manifest, given).unwrap();
-    assert_eq!((methods.len(), cases[0].tradition.as_str()), (2, "Mural"));
+    let found = from_manifest(&manifest, &given(&[])).unwrap();
+    assert_eq!((found.methods.len(), found.cases[0].tradition.as_str()), (2, "Mural"));
+}
+
+#[test]
+fn the_results_of_a_study_become_cases_and_what_failed_is_told() {
+    let root = tempfile::tempdir().unwrap();
+    for file in ["paintings/one.jpg", "views/front.jpg", "views/side.jpg"] {
+        let path = root.path().join(file);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        image::RgbImage::from_pixel(40, 30, image::Rgb([90, 120, 30]))
+            .save(path)
+            .unwrap();
+    }
+    let views =
+        serde_json::json!([{"name": "yaw-90", "file": "views/side.jpg"}, {"name": "yaw+0", "file": "views/front.jpg"}]);
+    let row = |case: &str, variant: &str| serde_json::json!({"case": case, "variant": variant, "failure": null, "views": views});
+    let study = |rows: serde_json::Value| {
+        serde_json::json!({
+            "format": 1, "study": "s.yaml", "title": "S",
+            "cases": [{"name": "one", "painting": "paintings/one.jpg", "fields": {"tradition": "Mural", "artist": "x"}},
+                      {"name": "two", "painting": null, "fields": {}}],
+            "variants": [{"name": "bare", "label": "Bare"}, {"name": "full", "label": "Full"}, {"name": "other", "label": "O"}],
+            "rows": rows,
+        })
+    };
+    let file = root.path().join(STUDY);
+    let write = |rows: serde_json::Value| std::fs::write(&file, study(rows).to_string()).unwrap();
+    let given = |methods: &[&str]| Given {
+        size: 32,
+        frames: 9,
+        cases: Vec::new(),
+        methods: methods.iter().map(ToString::to_string).collect(),
+    };
+    let failed = serde_json::json!({"case": "two", "variant": "full", "failure": "no light\nat all", "views": []});
+    write(serde_json::json!([
+        row("one", "bare"),
+        row("one", "full"),
+        row("one", "other"),
+        row("two", "bare"),
+        failed
+    ]));
+    let found = from_study(&file, &given(&["full", "bare"])).unwrap();
+    assert_eq!(found.methods, ["bare", "full"]);
+    assert_eq!(found.cases.len(), 1);
+    let case = &found.cases[0];
+    assert_eq!((case.name.as_str(), case.tradition.as_str()), ("one", "Mural"));
+    assert_eq!(case.turns["full"].angles, [-90.0, 0.0]);
+    assert!(case.painting.is_some());
+    assert_eq!(
+        found.notes,
+        ["`two` is left out, as `full` made nothing of it: no light"]
+    );
+    assert_eq!(from_study(&file, &given(&[])).unwrap().methods.len(), 3);
+    let misspelt = from_study(&file, &given(&["fulll"])).unwrap_err().to_string();
+    assert!(misspelt.contains("did you mean `full`?"), "{misspelt}");
+
+    write(serde_json::json!([failed_row()]));
+    let told = from_study(&file, &given(&[])).unwrap_err().to_string();
+    assert!(
+        told.contains("kept no views") && told.contains("views: orbit"),
+        "{told}"
+    );
+}
+
+fn failed_row() -> serde_json::Value {
+    serde_json::json!({"case": "one", "variant": "bare", "views": []})
 }

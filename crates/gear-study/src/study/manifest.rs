@@ -11,6 +11,7 @@ use gear_graph::{Library, Span, Spanned, Tree, TreeKind};
 
 use super::cases::{Case, Samples, Source, plain, stem};
 use super::file::folder_of;
+use crate::csv;
 use crate::read::Reader;
 
 /// The columns that every collection should have; others are welcome.
@@ -54,7 +55,7 @@ pub fn read(path: &Path, text: &str, samples: &dyn Samples, reader: &mut Reader)
     let folder: PathBuf = path.parent().map(Path::to_path_buf).unwrap_or_default();
     let name = path.display().to_string();
     let lines = match path.extension().is_some_and(|e| e == "csv") {
-        true => csv(&name, text, reader),
+        true => table(&name, text, reader),
         false => match reader.yaml(&name, text) {
             Some(tree) => yaml(&tree, reader),
             None => Vec::new(),
@@ -121,10 +122,9 @@ fn yaml(tree: &Tree, reader: &mut Reader) -> Vec<Line> {
     lines
 }
 
-/// RFC 4180: commas between cells, quotes around what holds commas, quotes or ends of lines.
-fn csv(name: &str, text: &str, reader: &mut Reader) -> Vec<Line> {
+fn table(name: &str, text: &str, reader: &mut Reader) -> Vec<Line> {
     let source = reader.source(name, text);
-    let mut rows = cells(text, source);
+    let mut rows = csv::rows(text, source);
     if rows.is_empty() {
         rows.push(Vec::new());
     }
@@ -170,51 +170,6 @@ fn csv(name: &str, text: &str, reader: &mut Reader) -> Vec<Line> {
         lines.push((span, cells.collect()));
     }
     lines
-}
-
-/// The cells of all lines that are not empty.
-fn cells(text: &str, source: u32) -> Vec<Vec<Spanned<String>>> {
-    let mut rows = Vec::new();
-    let mut row: Vec<Spanned<String>> = Vec::new();
-    let mut cell = String::new();
-    let (mut start, mut quoted) = (0, false);
-    let mut chars = text.char_indices().peekable();
-    let close = |row: &mut Vec<Spanned<String>>, cell: &mut String, start: usize, end: usize| {
-        let span = Span {
-            source,
-            start: start as u32,
-            len: (end - start) as u32,
-        };
-        let value = std::mem::take(cell).trim().to_owned();
-        row.push(Spanned { value, span });
-    };
-    while let Some((at, c)) = chars.next() {
-        match c {
-            '\u{feff}' if at == 0 => start = c.len_utf8(),
-            '"' if quoted && chars.peek().is_some_and(|(_, next)| *next == '"') => {
-                chars.next();
-                cell.push('"');
-            }
-            '"' => quoted = !quoted,
-            ',' if !quoted => {
-                close(&mut row, &mut cell, start, at);
-                start = at + 1;
-            }
-            '\n' if !quoted => {
-                close(&mut row, &mut cell, start, at);
-                rows.push(std::mem::take(&mut row));
-                start = at + 1;
-            }
-            '\r' if !quoted => {}
-            _ => cell.push(c),
-        }
-    }
-    if !cell.is_empty() || !row.is_empty() {
-        close(&mut row, &mut cell, start, text.len());
-        rows.push(row);
-    }
-    rows.retain(|row| row.len() > 1 || row.iter().any(|cell| !cell.value.is_empty()));
-    rows
 }
 
 #[cfg(test)]

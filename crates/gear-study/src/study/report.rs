@@ -11,6 +11,9 @@ use crate::stats::{Interval, Spread};
 
 /// Side of a cell of a contact sheet, in pixels.
 const CELL: usize = 150;
+/// Most cases of a contact sheet, and most views of a case: a JPEG has at most 65,535 rows, and nobody looks at as many.
+const MOST_ROWS: usize = 64;
+const MOST_VIEWS: usize = 9;
 
 /// The sentence that stands beside published numbers.
 pub const NOT_COMPARABLE: &str = "**The published numbers are not comparable with ours in absolute terms**: they were \
@@ -18,6 +21,7 @@ measured with other networks, on other pictures, at another size, by other imple
 compared is the order of the rows; that is done below, pair by pair.";
 
 /// A file that a study writes: its name below the output folder, with `/`, and its bytes.
+#[derive(Clone, Debug)]
 pub struct File {
     /// The name.
     pub name: String,
@@ -25,7 +29,7 @@ pub struct File {
     pub bytes: Vec<u8>,
 }
 
-/// Everything a study writes, or why it could not be made.
+/// Everything a study writes when it is done, or why it could not be made.
 pub fn files(study: &Study, results: &Results, colophon: &str) -> Result<Vec<File>, String> {
     let sheets = sheets(study, results);
     let document = document(study, results, &sheets, colophon);
@@ -46,14 +50,6 @@ pub fn files(study: &Study, results: &Results, colophon: &str) -> Result<Vec<Fil
             bytes: sheet.bytes.clone(),
         });
     }
-    for row in &results.rows {
-        for shown in &row.shown {
-            files.push(File {
-                name: view_file(study, row, &shown.name),
-                bytes: shown.pixels.jpeg().map_err(|e| e.to_string())?.bytes,
-            });
-        }
-    }
     Ok(files)
 }
 
@@ -61,9 +57,35 @@ fn sheet_file(study: &Study, variant: usize) -> String {
     format!("sheets/{}.jpg", study.variants[variant].name)
 }
 
-fn view_file(study: &Study, row: &Row, view: &str) -> String {
+/// The painting and the views of a row: as files, with their names in the row, and small for the contact sheet.
+pub(super) fn pictures(
+    study: &Study,
+    row: &mut Row,
+    painting: Option<&Pixels>,
+    views: Vec<(String, Pixels)>,
+) -> Vec<File> {
     let (case, variant) = (&study.cases[row.case].name, &study.variants[row.variant].name);
-    format!("views/{case}/{variant}/{}.jpg", super::cases::plain(view))
+    let mut files = Vec::new();
+    let mut file = |name: String, pixels: &Pixels| {
+        let bytes = pixels.jpeg().ok()?.bytes;
+        files.push(File {
+            name: name.clone(),
+            bytes,
+        });
+        Some(name)
+    };
+    if row.case < MOST_ROWS && !views.is_empty() {
+        let some = views.len().min(MOST_VIEWS);
+        let chosen = (0..some).map(|i| &views[i * views.len() / some].1);
+        let cells = painting.into_iter().chain(chosen);
+        row.small = cells.map(|pixels| Some(pixels.clone().at_most(CELL))).collect();
+    }
+    row.painting = painting.and_then(|pixels| file(format!("paintings/{case}.jpg"), pixels));
+    for (name, pixels) in views {
+        let path = format!("views/{case}/{variant}/{}.jpg", super::cases::plain(&name));
+        row.views.extend(file(path, &pixels).map(|path| (name, path)));
+    }
+    files
 }
 
 /// What other programs read (`gear ballot` among them): cases, variants, rows with numbers and the names of pictures.
@@ -75,11 +97,8 @@ fn json(study: &Study, results: &Results) -> serde_json::Value {
         .map(|row| {
             let names = study.measures.iter().map(|measure| measure.name.clone());
             let measures: serde_json::Map<_, _> = names.zip(row.values.iter().map(|value| json!(value))).collect();
-            let views: Vec<_> = row
-                .shown
-                .iter()
-                .map(|shown| json!({"name": shown.name, "file": view_file(study, row, &shown.name)}))
-                .collect();
+            let views = row.views.iter().map(|(name, file)| json!({"name": name, "file": file}));
+            let views: Vec<_> = views.collect();
             json!({
                 "case": study.cases[row.case].name, "variant": study.variants[row.variant].name, "failure": row.failure,
                 "measures": measures, "seconds": row.seconds, "ran": row.ran, "stored": row.stored, "views": views,
@@ -89,9 +108,12 @@ fn json(study: &Study, results: &Results) -> serde_json::Value {
     let cases: Vec<_> = study
         .cases
         .iter()
-        .map(|case| {
+        .enumerate()
+        .map(|(c, case)| {
             let fields: serde_json::Map<_, _> = case.fields.iter().map(|(f, v)| (f.clone(), json!(v))).collect();
-            json!({"name": case.name, "picture": case.picture.to_string(), "fields": fields})
+            let painting = results.rows.iter().find(|row| row.case == c && row.painting.is_some());
+            json!({"name": case.name, "picture": case.picture.to_string(), "fields": fields,
+                "painting": painting.and_then(|row| row.painting.clone())})
         })
         .collect();
     let variants: Vec<_> = study
@@ -106,14 +128,14 @@ fn json(study: &Study, results: &Results) -> serde_json::Value {
     })
 }
 
-/// A contact sheet a variant: a row a case, a column a view.
+/// A contact sheet a variant: a row a case, the painting and then a column a view.
 fn sheets(study: &Study, results: &Results) -> Vec<(usize, Picture)> {
     let of = |variant: usize| -> Option<(usize, Picture)> {
         let rows: Vec<Vec<Option<Pixels>>> = results
             .rows
             .iter()
-            .filter(|row| row.variant == variant)
-            .map(|row| row.shown.iter().map(|shown| Some(shown.pixels.clone())).collect())
+            .filter(|row| row.variant == variant && row.case < MOST_ROWS)
+            .map(|row| row.small.clone())
             .collect();
         contact_sheet(rows, CELL).ok().map(|sheet| (variant, sheet))
     };
@@ -149,8 +171,16 @@ pub fn document(study: &Study, results: &Results, sheets: &[(usize, Picture)], c
     blocks.push(Block::Text(computed(study, results)));
     if !sheets.is_empty() {
         blocks.push(Block::Heading("Contact sheets".to_owned()));
-        let names: Vec<_> = study.cases.iter().map(|case| case.name.as_str()).collect();
-        blocks.push(Block::Text(format!("A row a case, from above: {}.", names.join(", "))));
+        let names = study.cases.iter().take(MOST_ROWS).map(|case| case.name.as_str());
+        let names: Vec<_> = names.collect();
+        blocks.push(Block::Text(format!(
+            "A row a case, the painting first; from above: {}.{}",
+            names.join(", "),
+            match study.cases.len().saturating_sub(MOST_ROWS) {
+                0 => String::new(),
+                more => format!(" The views of {more} more are in `views/` alone."),
+            }
+        )));
         for (variant, picture) in sheets {
             blocks.push(Block::Picture {
                 caption: study.variants[*variant].label.clone(),

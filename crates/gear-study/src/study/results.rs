@@ -3,6 +3,7 @@
 use gear_report::picture::Pixels;
 
 use super::file::Study;
+use crate::csv::line;
 use crate::stats::{self, Paired, Spread};
 
 /// Everything that came out.
@@ -36,17 +37,12 @@ pub struct Row {
     pub computed: Vec<(String, String)>,
     /// How many nodes' results were stored.
     pub stored: usize,
-    /// The views.
-    pub shown: Vec<Shown>,
-}
-
-/// A view to look at.
-#[derive(Clone, Debug)]
-pub struct Shown {
-    /// Its name, such as `yaw+30`.
-    pub name: String,
-    /// Its picture.
-    pub pixels: Pixels,
+    /// The file with the picture of the case, below the output folder, if views are kept and it can be shown.
+    pub painting: Option<String>,
+    /// The views: names, such as `yaw+30`, and their files below the output folder.
+    pub views: Vec<(String, String)>,
+    /// Painting and views as the contact sheet shows them; empty for cases that are not on it.
+    pub small: Vec<Option<Pixels>>,
 }
 
 /// Nodes that ran and nodes that were needed.
@@ -227,15 +223,4 @@ impl Study {
     fn group_of(&self, group: &str, case: usize) -> String {
         self.cases[case].field(group).unwrap_or("not given").to_owned()
     }
-}
-
-/// A line of CSV.
-fn line(cells: impl Iterator<Item = String>) -> String {
-    let cells: Vec<String> = cells
-        .map(|cell| match cell.contains([',', '"', '\n', '\r']) {
-            true => format!("\"{}\"", cell.replace('"', "\"\"")),
-            false => cell,
-        })
-        .collect();
-    format!("{}\n", cells.join(","))
 }

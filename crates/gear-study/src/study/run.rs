@@ -12,8 +12,10 @@ use gear_splat::Views;
 
 use super::cases::{Case, Samples, Source};
 use super::file::{Measure, Study, Variant};
-use super::results::{Results, Row, Shown};
+use super::report::{self, File};
+use super::results::{Results, Row};
 use super::share::identities;
+use crate::painting::painting;
 
 /// What a study needs of whoever runs it.
 pub struct Host<'h> {
@@ -45,6 +47,8 @@ pub enum Step<'s> {
     Done {
         /// What came out.
         row: &'s Row,
+        /// Pictures to write now: they are not kept.
+        files: Vec<File>,
     },
 }
 
@@ -135,6 +139,7 @@ impl Study {
         let mut results = Results::default();
         let identities: Vec<_> = self.variants.iter().map(|variant| identities(&variant.graph)).collect();
         'cases: for (c, case) in self.cases.iter().enumerate() {
+            let painting = self.views.as_ref().and_then(|_| painting(&case.picture, VIEW).ok());
             let mut times: HashMap<(Digest, String), usize> = HashMap::new();
             for (v, variant) in self.variants.iter().enumerate() {
                 let done = results.rows.len();
@@ -144,7 +149,7 @@ impl Study {
                     case: &case.name,
                     variant: &variant.name,
                 });
-                let row = self.row((c, case), (v, variant), host);
+                let (row, files) = self.row((c, case), (v, variant), painting.as_ref(), host);
                 if host.cancel.is_raised() {
                     results.interrupted = true;
                     break 'cases;
@@ -156,15 +161,21 @@ impl Study {
                         results.repeated += usize::from(*times > 1);
                     }
                 }
-                tell(Step::Done { row: &row });
+                tell(Step::Done { row: &row, files });
                 results.rows.push(row);
             }
         }
         results
     }
 
-    /// One case through one variant. Whatever goes wrong is in the row.
-    fn row(&self, (c, case): (usize, &Case), (v, variant): (usize, &Variant), host: &Host<'_>) -> Row {
+    /// One case through one variant, and the pictures of it. Whatever goes wrong is in the row.
+    fn row(
+        &self,
+        (c, case): (usize, &Case),
+        (v, variant): (usize, &Variant),
+        painting: Option<&Pixels>,
+        host: &Host<'_>,
+    ) -> (Row, Vec<File>) {
         let mut row = Row {
             case: c,
             variant: v,
@@ -175,14 +186,14 @@ impl Study {
             Ok(run) => run,
             Err(failure) => {
                 row.failure = Some(failure);
-                return row;
+                return (row, Vec::new());
             }
         };
         let outcome = match run.go() {
             Ok(outcome) => outcome,
             Err(found) => {
                 row.failure = Some(mistakes(&found));
-                return row;
+                return (row, Vec::new());
             }
         };
         let report = &outcome.report;
@@ -210,10 +221,9 @@ impl Study {
                 .or_insert_with(|| outcome.value(&measure.output));
             *slot = value.as_ref().and_then(|value| measure.read(value));
         }
-        if let Some(views) = &self.views {
-            row.shown = shown(&outcome, views);
-        }
-        row
+        let views = self.views.as_ref().map(|output| shown(&outcome, output));
+        let files = report::pictures(self, &mut row, painting, views.unwrap_or_default());
+        (row, files)
     }
 
     fn set_up<'g>(&self, case: &Case, variant: &'g Variant, host: &Host<'_>) -> Result<Run<'g>, String> {
@@ -263,18 +273,18 @@ pub(crate) fn number_at(report: &serde_json::Value, path: &[String]) -> Option<f
     place.as_f64()
 }
 
-/// Longer side of the views that are kept for pages and ballots, in pixels.
+/// Longer side of the pictures that are kept for pages and ballots, in pixels.
 const VIEW: usize = 400;
 
-fn shown(outcome: &Outcome<'_>, output: &str) -> Vec<Shown> {
+/// The views of an output with their names.
+fn shown(outcome: &Outcome<'_>, output: &str) -> Vec<(String, Pixels)> {
     let Some(views) = outcome.value(output).and_then(|value| value.get::<Views>()) else {
         return Vec::new();
     };
-    let shown = views.views.iter().map(|view| Shown {
-        name: view.name.clone(),
-        pixels: Pixels::of_view(view).at_most(VIEW),
-    });
-    shown.collect()
+    let views = views.views.iter();
+    views
+        .map(|view| (view.name.clone(), Pixels::of_view(view).at_most(VIEW)))
+        .collect()
 }
 
 pub(crate) fn mistakes(found: &[RunMistake]) -> String {

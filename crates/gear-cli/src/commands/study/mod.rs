@@ -105,8 +105,25 @@ pub fn study(args: &StudyArgs, registry: &Registry, console: &Console) -> Result
     let folder = Folder::probe(&args.out)?;
     let begun = Instant::now();
     let progress = Progress::new(args.quiet, console);
-    let results = study.run(&host, &mut |step| progress.step(&study, &step));
+    let mut unwritten = None;
+    let results = study.run(&host, &mut |step| {
+        progress.step(&study, &step);
+        let files = match step {
+            Step::Done { files, .. } => files,
+            Step::Begins { .. } => Vec::new(),
+        };
+        for file in files {
+            if let Err(error) = folder.write(&File::new(file.name, file.bytes)) {
+                // What comes after it could not be written either.
+                host.cancel.raise();
+                unwritten.get_or_insert(error);
+            }
+        }
+    });
     progress.bar.finish_and_clear();
+    if let Some(error) = unwritten {
+        return Err(error);
+    }
     if results.interrupted {
         console.remark("interrupted; what was computed is kept, and the next run goes on from there");
         return Ok(Exit::Interrupted);
@@ -122,10 +139,8 @@ pub fn study(args: &StudyArgs, registry: &Registry, console: &Console) -> Result
         cause,
     })?;
     for file in files {
-        let path = folder.write(&File::new(file.name.clone(), file.bytes))?;
-        if !file.name.starts_with("views/") {
-            console.result(&path.display().to_string());
-        }
+        let path = folder.write(&File::new(file.name, file.bytes))?;
+        console.result(&path.display().to_string());
     }
     if !args.quiet {
         console.remark(&study::report::computed(&study, &results));
@@ -211,7 +226,7 @@ impl Progress {
                 self.bar.set_position(*done as u64);
                 self.bar.set_message(format!("{case} · {variant}"));
             }
-            Step::Done { row } => {
+            Step::Done { row, .. } => {
                 if self.lines {
                     let (case, variant) = (&study.cases[row.case].name, &study.variants[row.variant].name);
                     let end = match &row.failure {

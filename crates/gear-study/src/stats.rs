@@ -7,7 +7,7 @@
 //!
 //! Differences are taken case by case ([`paired`]): what varies between paintings, which is most of the spread, cancels.
 
-pub mod random;
+use crate::random;
 
 /// Draws of a bootstrap: the ends of a 95 % interval are then known to about 2 % of its width.
 pub const DRAWS: usize = 4000;
