@@ -22,7 +22,9 @@ use crate::fields::map;
 /// How the body is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseSettings {
-    /// Depth of the inflated silhouette relative to a circular profile.
+    /// Depth of the inflated silhouette relative to a circular profile. Few bodies are as deep as they are wide: at .8
+    /// the normals of figures, carved panels and vessels of the benchmark all are nearer to the truth than at 1 (by
+    /// 2.5°, 3.8° and .4°); less would cost the vessels.
     pub inflate: f32,
     /// Relief mode: height gained from the upper to the lower rim, as a share of the picture's height.
     pub ramp: f32,
@@ -31,9 +33,16 @@ pub struct BaseSettings {
 impl Default for BaseSettings {
     fn default() -> Self {
         Self {
-            inflate: 1.0,
+            inflate: 0.8,
             ramp: 0.15,
         }
+    }
+}
+
+impl BaseSettings {
+    /// The same with circular profiles: what light is fitted on and networks were trained with.
+    pub fn round(self) -> Self {
+        Self { inflate: 1.0, ..self }
     }
 }
 

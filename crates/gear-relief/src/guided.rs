@@ -46,7 +46,7 @@ impl Foundation {
         };
         let flat = BaseSettings {
             ramp: 0.0,
-            ..settings.base
+            ..settings.base.round()
         };
         let ink = ink::ink_lines(image, &mask, &settings.ink);
         let base = base::body(image, &mask, &flat);
@@ -107,10 +107,15 @@ pub fn estimate(
     extent: Option<f32>,
     settings: &HeightSettings,
 ) -> (Relief, bool) {
-    let body = body(&foundation, guide, extent);
+    let inflate = if foundation.mode == Mode::Figure {
+        settings.base.inflate
+    } else {
+        1.0
+    };
+    let body = body(&foundation, guide, extent, inflate);
     let used = body.is_some();
     let Foundation { mask, mode, ink, base } = foundation;
-    let body = body.unwrap_or(base);
+    let body = body.unwrap_or_else(|| map(&base, |b| inflate * b));
     let mut relief = Relief {
         height: body.clone(),
         base: body,
@@ -121,21 +126,20 @@ pub fn estimate(
         noise: 0.0,
         detailed: false,
     };
-    if settings.detail.iterations > 0 {
-        relief.shade(image, &ink, settings);
-    }
+    let detail = relief.shade(image, &ink, settings);
+    relief.raise(detail.as_ref());
     (relief, used)
 }
 
 /// The body that the network's word makes, in pixels, at least 0, 0 outside the mask.
-fn body(foundation: &Foundation, guide: Guide<'_>, extent: Option<f32>) -> Option<Field> {
+fn body(foundation: &Foundation, guide: Guide<'_>, extent: Option<f32>, inflate: f32) -> Option<Field> {
     let side = foundation.mask.longer_side() as f32;
     let height = match guide {
-        Guide::Nearness(field) => nearness(foundation, field, extent.map(|share| share * side))?,
+        Guide::Nearness(field) => nearness(foundation, field, extent.map(|share| share * side), inflate)?,
         Guide::Distance { depth, fov_radians } => {
             let near = map(depth, |z| -z);
             match extent {
-                Some(share) => nearness(foundation, &near, Some(share * side))?,
+                Some(share) => nearness(foundation, &near, Some(share * side), inflate)?,
                 None => {
                     let middle = stats::median(&inside(depth, &foundation.mask))?;
                     let spans = 2.0 * middle * libm::tan(f64::from(fov_radians) / 2.0) as f32;
@@ -154,14 +158,14 @@ fn body(foundation: &Foundation, guide: Guide<'_>, extent: Option<f32>) -> Optio
 }
 
 /// Nearness with the spread of the body, or so many pixels from the 2 % to the 98 % quantile.
-fn nearness(foundation: &Foundation, near: &Field, pixels: Option<f32>) -> Option<Field> {
+fn nearness(foundation: &Foundation, near: &Field, pixels: Option<f32>, inflate: f32) -> Option<Field> {
     let mask = &foundation.mask;
     let (own, body) = (inside(near, mask), inside(&foundation.base, mask));
     let spread =
         |values: &[f32], share: f64| Some(stats::quantile(values, 1.0 - share)? - stats::quantile(values, share)?);
     let scale = match pixels {
         Some(pixels) => pixels / spread(&own, 0.02)?,
-        None => spread(&body, 0.1)? / spread(&own, 0.1)?,
+        None => inflate * spread(&body, 0.1)? / spread(&own, 0.1)?,
     };
     let largest = own.iter().fold(0.0f32, |most, x| most.max(x.abs()));
     // Differences that rounding makes are none.
@@ -204,7 +208,7 @@ fn surface(foundation: &Foundation, normals: [&Field; 3], height: &Field, pixels
     }
     let solved = system.solve(&rhs, None, SolveOptions::default()).to_field(width, rows);
     if let Some(pixels) = pixels {
-        return nearness(foundation, &solved, Some(pixels));
+        return nearness(foundation, &solved, Some(pixels), 1.0);
     }
     Some(map(&solved, |h| h.max(0.0)))
 }
@@ -230,6 +234,7 @@ mod tests {
         let (image, mask, _) = scene();
         let mut settings = HeightSettings::default();
         settings.detail.iterations = 0;
+        settings.base = settings.base.round();
         estimate(
             &image,
             Foundation::of(&image, &mask, &settings),

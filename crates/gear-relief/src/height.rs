@@ -5,7 +5,7 @@ use gear_image::{Field, LinearImage, Mask};
 use crate::base::{self, BaseSettings};
 use crate::crease::{self, CreaseSettings};
 use crate::detail::{self, DetailSettings};
-use crate::fields::zip;
+use crate::fields::{map, zip};
 use crate::ink::{self, InkSettings};
 use crate::light::{self, Calibration, LightFit};
 use crate::shading::{self, ShadingSettings};
@@ -84,7 +84,7 @@ pub fn estimate(image: &LinearImage, mask: &Mask, settings: &HeightSettings) -> 
         Mode::Figure => mask.clone(),
     };
     let ink = ink::ink_lines(image, &mask, &settings.ink);
-    let base = base::body(image, &mask, &settings.base);
+    let base = base::body(image, &mask, &settings.base.round());
     let mut relief = Relief {
         height: base.clone(),
         base,
@@ -95,34 +95,42 @@ pub fn estimate(image: &LinearImage, mask: &Mask, settings: &HeightSettings) -> 
         noise: 0.0,
         detailed: false,
     };
-    if settings.detail.iterations > 0 {
-        relief.shade(image, &ink, settings);
+    let detail = relief.shade(image, &ink, settings);
+    if mode == Mode::Figure {
+        // Detail is as deep as it looks, whatever depth the body is given.
+        relief.base = map(&relief.base, |b| settings.base.inflate * b);
+        relief.height = relief.base.clone();
     }
+    relief.raise(detail.as_ref());
     // Lines of a whole canvas bound things that lie before others as often as they lie in hollows.
     if mode == Mode::Figure && settings.crease.depth > 0.0 {
         let drawn = ink::drawn_lines(image, &ink, &relief.mask, &settings.ink);
-        if let Some(creases) = crease::creases(&drawn, &relief.mask, &settings.crease) {
-            relief.height = zip(&relief.height, &creases, |h, c| (h + c).max(0.0));
-        }
+        relief.raise(crease::creases(&drawn, &relief.mask, &settings.crease).as_ref());
     }
     relief
 }
 
 impl Relief {
-    /// Draws detail from the shading of `image`.
-    pub(crate) fn shade(&mut self, image: &LinearImage, ink: &Field, settings: &HeightSettings) {
-        if self.mask.is_empty() {
-            return;
+    /// Looks at the shading of `image` on the base: the detail that it shows, in pixels. `None` without iterations, or
+    /// when there is nothing to tell.
+    pub(crate) fn shade(&mut self, image: &LinearImage, ink: &Field, settings: &HeightSettings) -> Option<Field> {
+        if settings.detail.iterations == 0 || self.mask.is_empty() {
+            return None;
         }
         let shading = shading::shading(image, &self.mask, ink, &settings.shading);
         let fit = light::fit(&shading, &self.base, &self.mask, &settings.calibration);
         let (base, mask, calibration) = (&self.base, &self.mask, &settings.calibration);
         let detail = detail::detail(&shading, base, ink, mask, &fit, calibration, &settings.detail);
         self.detailed = detail.is_some();
-        if let Some(detail) = detail {
-            self.height = zip(base, &detail, |b, d| (b + d).max(0.0));
-        }
         self.light = Some(fit);
         self.noise = shading.noise;
+        detail
+    }
+
+    /// Adds to the height, which stays at least 0.
+    pub(crate) fn raise(&mut self, by: Option<&Field>) {
+        if let Some(by) = by {
+            self.height = zip(&self.height, by, |h, d| (h + d).max(0.0));
+        }
     }
 }

@@ -5,8 +5,10 @@
 //! to be switched off:
 //!
 //! ```text
-//! trust = min(1, 2 r²) · ( g² / (g² + (k·noise)² + floor²) )²
+//! trust = clamp((r² − .1)/.4, 0, 1) · ( g² / (g² + (k·noise)² + floor²) )²
 //! ```
+//!
+//! A light that explains less than a tenth of the shading is none: on whole canvases one always fits a little.
 
 use gear_image::filter::gaussian;
 use gear_image::{Field, LinearImage, Mask, stats};
@@ -140,7 +142,7 @@ pub fn fit(shading: &Shading, base: &Field, mask: &Mask, calibration: &Calibrati
     let signal = fit.gain * fit.gain;
     let floor = calibration.gain_floor * calibration.gain_floor;
     let believed = signal / (signal + doubt * doubt + floor).max(1e-12);
-    fit.trust = (2.0 * fit.r2).min(1.0) * believed * believed;
+    fit.trust = ((fit.r2 - 0.1) / 0.4).clamp(0.0, 1.0) * believed * believed;
     fit
 }
 
@@ -200,7 +202,7 @@ pub fn evidence(image: &LinearImage, mask: &Mask) -> Evidence {
         mask
     };
     let lines = ink::ink_lines(image, mask, &InkSettings::default());
-    let body = base::body(image, mask, &BaseSettings::default());
+    let body = base::body(image, mask, &BaseSettings::default().round());
     let shading = shading::shading(image, mask, &lines, &ShadingSettings::default());
     let fit = fit(&shading, &body, mask, &Calibration::NATURAL);
     Evidence {

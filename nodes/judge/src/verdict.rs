@@ -114,6 +114,14 @@ mod tests {
     }
 
     #[test]
+    fn the_same_bits_every_time() {
+        let node = Verdict { method: String::new() };
+        testing::assert_pure(&node, || In {
+            judged: Arc::new(Report(judged())),
+        });
+    }
+
+    #[test]
     fn what_is_no_report_of_a_judge_or_no_method_is_told() {
         let message = asked(judged(), "Gear").unwrap_err();
         assert!(message.contains("the judge saw raw, GeAR"), "{message}");

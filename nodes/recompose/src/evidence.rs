@@ -39,6 +39,11 @@ impl Found {
         GROUNDING_BETA * lacking
     }
 
+    /// How much of the grounding is due, in [0, 1].
+    pub fn due(&self) -> f64 {
+        self.beta() / GROUNDING_BETA
+    }
+
     /// Why β is what it is, for people.
     pub fn sentence(&self, consequence: &str) -> String {
         let (verdict, sign) = if self.is_natural() {

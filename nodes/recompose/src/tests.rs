@@ -372,6 +372,27 @@ fn the_more_natural_the_light_the_less_is_grounded() {
 }
 
 #[test]
+fn natural_light_leaves_the_picture_as_it_is_but_for_the_shoulder() {
+    let (sphere, mask) = lit_sphere();
+    let ratio = Field::filled(128, 128, 1.0);
+    let run = |node: &Recompose| {
+        let inputs = In {
+            painting: Arc::new(sphere.clone()),
+            mask: Lazy::given(Arc::new(mask.clone())),
+            ratio: Lazy::given(Arc::new(ratio.clone())),
+        };
+        testing::run(node, inputs).unwrap().grounded.unwrap().rgb.clone()
+    };
+    let auto = run(&Recompose::default());
+    let plain = run(&Recompose {
+        detail: 0.0,
+        ..node(0.0)
+    });
+    assert_eq!(auto, plain);
+    assert_ne!(run(&node(0.0)), plain, "β = 0 that was asked for still sharpens");
+}
+
+#[test]
 fn flat_paint_asks_for_the_ratio() {
     match demand_with(flat_disc()) {
         Demand::Need { ports, reason } => {

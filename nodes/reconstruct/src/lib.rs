@@ -35,8 +35,8 @@ pub struct Reconstruct {
     /// The camera under which the scene shows the picture.
     #[param(default = View::Orthographic)]
     pub camera: View,
-    /// Depth of a figure's body relative to a circular profile.
-    #[param(default = 1.0, range = 0.0..=4.0)]
+    /// Depth of a figure's body relative to a circular profile: few are as deep as they are wide.
+    #[param(default = 0.8, range = 0.0..=4.0)]
     pub inflate: f64,
     /// Depth of the crease that a drawn line makes in a figure; lines of another colour than what lies beside them, or
     /// crowded ones, are ornament and make none.

@@ -6,6 +6,7 @@
 
 use gear_image::filter::gaussian;
 use gear_image::{Mask, SrgbImage, colour};
+use gear_relief::base::BaseSettings;
 use gear_relief::fields::{dot, normals};
 use gear_relief::height::{HeightSettings, Relief, estimate};
 use gear_relief::light::{Calibration, LightFit};
@@ -25,6 +26,7 @@ const ELEVATION: f32 = 0.6;
 pub(crate) fn carve(painting: &SrgbImage, mask: &Mask) -> SrgbImage {
     let settings = HeightSettings {
         calibration: Calibration::PAINTED,
+        base: BaseSettings::default().round(),
         ..HeightSettings::default()
     };
     let relief = estimate(&colour::light(painting), mask, &settings);
