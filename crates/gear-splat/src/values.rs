@@ -346,7 +346,13 @@ mod tests {
         let view = View {
             camera: Camera::front(100, 80),
             name: "front".into(),
-            rgb: Rgb::from_fn(100, 80, |x, y| if subject(x, y) { [x as f32, 0.5, 0.0] } else { [1.0, -0.0, 1.0] }),
+            rgb: Rgb::from_fn(100, 80, |x, y| {
+                if subject(x, y) {
+                    [x as f32, 0.5, 0.0]
+                } else {
+                    [1.0, -0.0, 1.0]
+                }
+            }),
             alpha: Some(plane(1.0, 0.0)),
             depth: Some(plane(2.0, f32::NAN)),
             normal: None,

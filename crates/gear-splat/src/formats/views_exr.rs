@@ -40,7 +40,9 @@ pub fn write(views: &Views) -> Result<Vec<u8>, String> {
     for (index, view) in views.views.iter().enumerate() {
         layers.push(layer(index, view, crops)?);
     }
-    let sizes = layers.iter().map(|layer| layer.size.area() * layer.channel_data.list.len() * 4);
+    let sizes = layers
+        .iter()
+        .map(|layer| layer.size.area() * layer.channel_data.list.len() * 4);
     let size = sizes.sum::<usize>();
     if layers.is_empty() {
         // EXR needs a layer; one without a camera is no view.
@@ -104,7 +106,9 @@ fn layer(index: usize, view: &View, crops: bool) -> Result<Layer<AnyChannels<Fla
     let window = if crops { whole.around_subject(&sources) } else { whole };
     let outside: BTreeMap<&str, u32> = sources.iter().map(|(name, s)| (*name, s.at(0).to_bits())).collect();
     let outside = serde_json::to_string(&outside).map_err(|e| e.to_string())?;
-    let planes = sources.iter().map(|(name, samples)| (*name, samples.within(&window, width)));
+    let planes = sources
+        .iter()
+        .map(|(name, samples)| (*name, samples.within(&window, width)));
     let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = planes
         .map(|(name, samples)| AnyChannel::new(name, FlatSamples::F32(samples)))
         .collect();
@@ -282,9 +286,14 @@ fn view(layer: Layer<AnyChannels<FlatSamples>>, room: &mut usize) -> Result<(usi
     let size = layer.size;
     let position = layer.attributes.layer_position;
     let inside = |at: i32, length: usize, all: usize| {
-        usize::try_from(at).ok().filter(|at| at.checked_add(length).is_some_and(|end| end <= all))
+        usize::try_from(at)
+            .ok()
+            .filter(|at| at.checked_add(length).is_some_and(|end| end <= all))
     };
-    let (left, top) = match (inside(position.x(), size.x(), width), inside(position.y(), size.y(), height)) {
+    let (left, top) = match (
+        inside(position.x(), size.x(), width),
+        inside(position.y(), size.y(), height),
+    ) {
         (Some(left), Some(top)) if camera.is_valid() => (left, top),
         _ => {
             return Err(format!(
