@@ -19,7 +19,6 @@ use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{ReadChannels, ReadLayers, SmallVec, WritableImage, read as reader};
-use gear_graph::Value;
 use gear_image::{Field, Rgb};
 
 use crate::{Camera, View, Views};
@@ -36,7 +35,11 @@ const MOST_CROPPED: usize = 1 << 28;
 /// Writes the views.
 pub fn write(views: &Views) -> Result<Vec<u8>, String> {
     let mut layers: SmallVec<[Layer<AnyChannels<FlatSamples>>; 2]> = SmallVec::new();
-    let crops = views.size_bytes() / 4 <= MOST_CROPPED;
+    let samples = |view: &View| {
+        let planes = [&view.alpha, &view.depth, &view.weight].into_iter().flatten().count();
+        view.rgb.len() * (3 + planes + 3 * usize::from(view.normal.is_some()))
+    };
+    let crops = views.views.iter().map(samples).sum::<usize>() <= MOST_CROPPED;
     for (index, view) in views.views.iter().enumerate() {
         layers.push(layer(index, view, crops)?);
     }
