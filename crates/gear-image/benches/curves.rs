@@ -3,81 +3,31 @@
 //!     cargo bench -p gear-image --bench curves -- docs/src/curves
 //!
 //! * `box-mean.csv`: values around 8 on 512² pixels, window of 31², against direct sums in f64.
-//! * `box-mean-outlier.csv`: the same with one pixel of 1e30; the error is taken where no window contains it.
+//! * `box-mean-wide.csv`: the same with a window of 205².
+//! * `box-mean-outlier.csv`: the first one with one pixel of 1e30; the error is taken where no window contains it.
 //! * `inflation-solver.csv`: `−Δu = 4` on a disc of 192² pixels, relative L2 of u against a direct solution.
-//!
-//! Seconds are those of the processor, of all threads together, where the system tells them (Linux): on a busy machine the
-//! clock says more about the others.
 
-use std::time::Instant;
+#[path = "shared/table.rs"]
+mod table;
 
 use gear_image::filter::box_mean;
 use gear_image::solve::{Coefficients, GridSystem, Outside, SolveOptions};
 use gear_image::{Field, Mask};
+use table::{Table, machine, once, timed};
 
-const HEAD: &str = "label,family,seconds,operations,error,default";
 const SIDE: usize = 512;
+/// The default, 0.03 of the side.
 const RADIUS: usize = 15;
+const WIDE: usize = 102;
 
 fn main() -> std::io::Result<()> {
-    let folder = std::env::args()
-        .skip(1)
-        .find(|a| !a.starts_with('-'))
-        .unwrap_or_else(|| ".".to_owned());
-    std::fs::create_dir_all(&folder)?;
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let clock = match processor_seconds() {
-        Some(_) => "processor seconds of all threads",
-        None => "seconds on the clock",
-    };
-    let machine = format!("{cores} threads, {}, {clock}", std::env::consts::ARCH);
-    let write = |name: &str, text: String| {
-        println!("{text}");
-        std::fs::write(format!("{folder}/{name}.csv"), text)
-    };
-    write("box-mean", box_means(&machine, None))?;
-    write("box-mean-outlier", box_means(&machine, Some(1e30)))?;
-    write("inflation-solver", solvers(&machine))
+    box_means(RADIUS, None).write("box-mean")?;
+    box_means(WIDE, None).write("box-mean-wide")?;
+    box_means(RADIUS, Some(1e30)).write("box-mean-outlier")?;
+    solvers().write("inflation-solver")
 }
 
-/// Seconds of a call, and its result: the median of three times `calls` calls, after a first one. The system's counters
-/// tick every few milliseconds, so that short work needs many calls.
-fn timed<T>(calls: usize, mut work: impl FnMut() -> T) -> (f64, T) {
-    let mut result = work();
-    let mut seconds: Vec<f64> = (0..3)
-        .map(|_| {
-            let (begun, before) = (Instant::now(), processor_seconds());
-            for _ in 0..calls {
-                result = work();
-            }
-            let spent = match (before, processor_seconds()) {
-                (Some(before), Some(after)) => after - before,
-                _ => begun.elapsed().as_secs_f64(),
-            };
-            spent / calls as f64
-        })
-        .collect();
-    seconds.sort_by(f64::total_cmp);
-    (seconds[1], result)
-}
-
-/// Seconds that all threads of this process have run so far.
-fn processor_seconds() -> Option<f64> {
-    let mut nanoseconds = 0u64;
-    for task in std::fs::read_dir("/proc/self/task").ok()? {
-        let text = std::fs::read_to_string(task.ok()?.path().join("schedstat")).ok()?;
-        nanoseconds += text.split_whitespace().next()?.parse::<u64>().ok()?;
-    }
-    Some(nanoseconds as f64 * 1e-9)
-}
-
-fn line(label: &str, family: &str, seconds: f64, operations: Option<usize>, error: f64, default: bool) -> String {
-    let operations = operations.map(|o| o.to_string()).unwrap_or_default();
-    let default = if default { "yes" } else { "" };
-    format!("{label},{family},{seconds:.3e},{operations},{error:.3e},{default}\n")
-}
-
-fn box_means(machine: &str, outlier: Option<f32>) -> String {
+fn box_means(radius: usize, outlier: Option<f32>) -> Table {
     // A hash for noise, so that the picture is the same everywhere.
     let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729 + x * y * 31) % 10_007) as f32 / 10_007.0 - 0.5;
     let mut field = Field::from_fn(SIDE, SIDE, |x, y| 8.0 + 3.4 * noise(x, y));
@@ -86,9 +36,9 @@ fn box_means(machine: &str, outlier: Option<f32>) -> String {
     }
     let far = |i: usize| {
         let (x, y) = (i % SIDE, i / SIDE);
-        outlier.is_none() || x.abs_diff(40) > RADIUS || y.abs_diff(40) > RADIUS
+        outlier.is_none() || x.abs_diff(40) > radius || y.abs_diff(40) > radius
     };
-    let exact = direct(&field, RADIUS);
+    let exact = direct(&field, radius);
     let error = |values: &[f32]| {
         let pairs = values.iter().zip(&exact).enumerate().filter(|(i, _)| far(*i));
         pairs.map(|(_, (v, e))| (f64::from(*v) - e).abs()).fold(0.0, f64::max)
@@ -97,26 +47,27 @@ fn box_means(machine: &str, outlier: Option<f32>) -> String {
         None => "Box mean",
         Some(_) => "Box mean beside an outlier of 1e30",
     };
-    let mut text = format!(
-        "# title: {what}; {SIDE}² pixels; radius {RADIUS}\n# norm: max abs against direct f64\n# machine: {machine}\n{}{HEAD}\n",
-        // The record says why the shipped one is off the front of ordinary pictures.
-        if outlier.is_none() { "# decision: 0007\n" } else { "" },
-    );
+    let title = format!("{what}; {SIDE}² pixels; radius {radius}");
+    let mut table = Table::new(&title, "max abs against direct f64", &machine());
+    if outlier.is_none() {
+        // It says why the shipped one is off the front of ordinary pictures.
+        table = table.decided("0007");
+    }
     let mut measure = |label: &str, family: &str, default: bool, work: &dyn Fn() -> Vec<f32>| {
         let (seconds, values) = timed(40, work);
-        text.push_str(&line(label, family, seconds, None, error(&values), default));
+        table.add(label, family, seconds, None, error(&values), default);
     };
     measure("block sums f64 (shipped)", "block", true, &|| {
-        box_mean(&field, RADIUS).into_data()
+        box_mean(&field, radius).into_data()
     });
-    measure("running f32", "running", false, &|| running::<f32>(&field, RADIUS));
-    measure("running f64", "running", false, &|| running::<f64>(&field, RADIUS));
-    measure("table f32", "table", false, &|| table::<f32>(&field, RADIUS));
-    measure("table f64", "table", false, &|| table::<f64>(&field, RADIUS));
+    measure("running f32", "running", false, &|| running::<f32>(&field, radius));
+    measure("running f64", "running", false, &|| running::<f64>(&field, radius));
+    measure("table f32", "table", false, &|| summed::<f32>(&field, radius));
+    measure("table f64", "table", false, &|| summed::<f64>(&field, radius));
     measure("direct f64", "direct", false, &|| {
-        direct(&field, RADIUS).into_iter().map(|v| v as f32).collect()
+        direct(&field, radius).into_iter().map(|v| v as f32).collect()
     });
-    text
+    table
 }
 
 trait Real: Copy + Default + std::ops::Add<Output = Self> + std::ops::Sub<Output = Self> {
@@ -211,7 +162,7 @@ fn running<R: Real>(field: &Field, radius: usize) -> Vec<f32> {
 }
 
 /// A summed-area table.
-fn table<R: Real>(field: &Field, radius: usize) -> Vec<f32> {
+fn summed<R: Real>(field: &Field, radius: usize) -> Vec<f32> {
     let (w, h) = field.size();
     let stride = w + 1;
     let mut sums = vec![R::default(); stride * (h + 1)];
@@ -237,7 +188,7 @@ fn table<R: Real>(field: &Field, radius: usize) -> Vec<f32> {
 
 const GRID: usize = 192;
 
-fn solvers(machine: &str) -> String {
+fn solvers() -> Table {
     let c = (GRID as f64 - 1.0) / 2.0;
     let mask = Mask::from_fn(GRID, GRID, |x, y| {
         let (dx, dy) = (x as f64 - c, y as f64 - c);
@@ -248,12 +199,7 @@ fn solvers(machine: &str) -> String {
         ..Coefficients::default()
     };
     let inside: Vec<usize> = (0..GRID * GRID).filter(|i| mask.data()[*i]).collect();
-    let (begun, before) = (Instant::now(), processor_seconds());
-    let exact = cholesky(&inside);
-    let direct_seconds = match (before, processor_seconds()) {
-        (Some(before), Some(after)) => after - before,
-        _ => begun.elapsed().as_secs_f64(),
-    };
+    let (direct_seconds, exact) = once(|| cholesky(&inside));
     let error = |u: &[f64]| {
         let (mut off, mut all) = (0.0, 0.0);
         for (i, e) in inside.iter().zip(&exact) {
@@ -263,11 +209,8 @@ fn solvers(machine: &str) -> String {
         f64::sqrt(off / all)
     };
     let rhs = vec![4.0; GRID * GRID];
-    let mut text = format!(
-        "# title: Inflation; {GRID}² pixels; {} unknowns\n# norm: relative L2 of u against banded Cholesky\n\
-         # machine: {machine}\n{HEAD}\n",
-        inside.len()
-    );
+    let title = format!("Inflation; {GRID}² pixels; {} unknowns", inside.len());
+    let mut table = Table::new(&title, "relative L2 of u against banded Cholesky", &machine());
     for power in 1..=8 {
         let options = SolveOptions {
             tolerance: [1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8][power],
@@ -277,29 +220,22 @@ fn solvers(machine: &str) -> String {
         let (seconds, solution) = timed(10, || GridSystem::new(&mask, &coefficients).solve(&rhs, None, options));
         let label = format!("1e-{power} ({} its)", solution.iterations);
         let shipped = options == SolveOptions::default();
-        text.push_str(&line(
-            &label,
-            "multigrid PCG",
-            seconds,
-            None,
-            error(&solution.values),
-            shipped,
-        ));
+        table.add(&label, "multigrid PCG", seconds, None, error(&solution.values), shipped);
     }
     let system = GridSystem::new(&mask, &coefficients);
     for iterations in [40, 80, 160, 320] {
         let (seconds, u) = timed(1, || plain_cg(&system, &mask, iterations));
-        text.push_str(&line(
+        table.add(
             &format!("{iterations} its"),
             "plain CG",
             seconds,
             None,
             error(&u),
             false,
-        ));
+        );
     }
-    text.push_str(&line("Cholesky", "direct", direct_seconds, None, 0.0, false));
-    text
+    table.add("Cholesky", "direct", direct_seconds, None, 0.0, false);
+    table
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -11,11 +11,16 @@
 //! The kernel is written out here, on a picture of random tilted discs, so that each choice can be turned; the rasterisers of
 //! the crate have the shipped ones built in. Nothing is timed: the tables are the same on every machine.
 
+#[path = "../../gear-image/benches/shared/table.rs"]
+mod table;
+
 use std::f64::consts::TAU;
+
+use table::Table;
 
 const SIDE: usize = 96;
 const DISCS: usize = 3000;
-const HEAD: &str = "label,family,seconds,operations,error,default";
+const COUNTED: &str = "exponentials and comparisons";
 
 /// A projected disc.
 #[derive(Clone, Copy)]
@@ -57,30 +62,12 @@ const SHIPPED: Choice = Choice {
 };
 
 fn main() -> std::io::Result<()> {
-    let folder = std::env::args()
-        .skip(1)
-        .find(|a| !a.starts_with('-'))
-        .unwrap_or_else(|| ".".to_owned());
-    std::fs::create_dir_all(&folder)?;
     let discs: Vec<Disc> = (0..DISCS as u64).map(disc).collect();
-    let write = |name: &str, text: String| {
-        println!("{text}");
-        std::fs::write(format!("{folder}/{name}.csv"), text)
-    };
-    write("raster-cuts", cuts(&discs))?;
-    write("raster-order", orders(&discs))
+    cuts(&discs).write("raster-cuts")?;
+    orders(&discs).write("raster-order")
 }
 
-fn head(title: &str, norm: &str, operations: &str) -> String {
-    format!("# title: {title}\n# norm: {norm}\n# operations: {operations}\n# machine: any\n{HEAD}\n")
-}
-
-fn line(label: &str, family: &str, operations: u64, error: f64, default: bool) -> String {
-    let default = if default { "yes" } else { "" };
-    format!("{label},{family},0,{operations},{error:.3e},{default}\n")
-}
-
-fn cuts(discs: &[Disc]) -> String {
+fn cuts(discs: &[Disc]) -> Table {
     let exact = Choice {
         cut: Cut::None,
         stop: 0.0,
@@ -88,14 +75,11 @@ fn cuts(discs: &[Disc]) -> String {
         single: false,
     };
     let (truth, _) = render(discs, exact);
-    let mut text = head(
-        "Rasteriser; cuts and stop",
-        "max abs of colour against no cut in f64",
-        "exponentials and comparisons",
-    );
+    let norm = "max abs of colour against no cut in f64";
+    let mut table = Table::new("Rasteriser; cuts and stop", norm, "any").counting(COUNTED);
     let mut add = |label: &str, family: &str, choice: Choice, default: bool| {
         let (picture, count) = render(discs, choice);
-        text.push_str(&line(label, family, count, largest(&picture, &truth), default));
+        table.add(label, family, 0.0, Some(count), largest(&picture, &truth), default);
     };
     add("1/255; stop 1e-4; f32 (shipped)", "shipped", SHIPPED, true);
     add(
@@ -130,10 +114,10 @@ fn cuts(discs: &[Disc]) -> String {
         },
         false,
     );
-    text
+    table
 }
 
-fn orders(discs: &[Disc]) -> String {
+fn orders(discs: &[Disc]) -> Table {
     let exact = Choice {
         cut: Cut::None,
         stop: 0.0,
@@ -141,11 +125,8 @@ fn orders(discs: &[Disc]) -> String {
         single: false,
     };
     let (truth, _) = render(discs, exact);
-    let mut text = head(
-        "Rasteriser; order",
-        "rms of colour against depths at each pixel",
-        "exponentials and comparisons",
-    );
+    let norm = "rms of colour against depths at each pixel";
+    let mut table = Table::new("Rasteriser; order", norm, "any").counting(COUNTED);
     for (label, choice, default) in [
         ("order of centres (shipped)", SHIPPED, true),
         (
@@ -168,15 +149,10 @@ fn orders(discs: &[Disc]) -> String {
     ] {
         let (picture, count) = render(discs, choice);
         let squares: f64 = picture.iter().zip(&truth).map(|(a, b)| (a - b) * (a - b)).sum();
-        text.push_str(&line(
-            label,
-            "",
-            count,
-            (squares / picture.len() as f64).sqrt(),
-            default,
-        ));
+        let rms = (squares / picture.len() as f64).sqrt();
+        table.add(label, "", 0.0, Some(count), rms, default);
     }
-    text
+    table
 }
 
 fn largest(a: &[f64], b: &[f64]) -> f64 {

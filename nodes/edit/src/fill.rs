@@ -16,33 +16,43 @@ use crate::random;
 use crate::reproject::Known;
 use crate::sliced_ot::SlicedOt;
 
-/// Random rotations of colour space.
-const ROTATIONS: u64 = 20;
 /// Samples on either side of the colour map.
 const SAMPLES: usize = 20_000;
 /// How much wider the correction towards known pixels reaches than the low-pass.
 const CORRECTION: f64 = 6.0;
 
+/// How it is filled; see the node's parameters.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Recipe {
+    /// Parts layout from detail, pixels.
+    pub sigma: f64,
+    /// Random rotations of colour space.
+    pub rotations: u32,
+    /// Side of a patch, pixels.
+    pub patch: usize,
+    /// Rounds in which patches are looked for.
+    pub rounds: u32,
+    /// Seed of rotations and patches.
+    pub seed: u64,
+}
+
 /// What all views share.
 pub(crate) struct Filler {
     map: SlicedOt,
     exemplar: Exemplar,
-    sigma: f64,
-    seed: u64,
+    recipe: Recipe,
 }
 
 impl Filler {
     /// Learns colours from `front`, the scene at the canonical camera, and detail from the painting, inside `mask`.
-    /// `sigma` parts layout from detail, pixels.
-    pub fn new(front: &SrgbImage, painting: &SrgbImage, mask: &Mask, sigma: f64, patch: usize, seed: u64) -> Self {
-        let rotations = (0..ROTATIONS).map(|i| random::rotation(seed, i));
+    pub fn new(front: &SrgbImage, painting: &SrgbImage, mask: &Mask, recipe: Recipe) -> Self {
+        let rotations = (0..u64::from(recipe.rotations)).map(|i| random::rotation(recipe.seed, i));
         let map = SlicedOt::fit(&samples(front, mask), &samples(painting, mask), rotations);
-        let low = low_pass(painting, mask, sigma);
+        let low = low_pass(painting, mask, recipe.sigma);
         Self {
             map,
-            exemplar: Exemplar::new(painting, low, mask, patch / 2),
-            sigma,
-            seed,
+            exemplar: Exemplar::new(painting, low, mask, recipe.patch / 2),
+            recipe,
         }
     }
 
@@ -58,11 +68,17 @@ impl Filler {
             }
         };
         let pixels: Vec<_> = rendered.data().par_iter().zip(silhouette.data()).map(mapped).collect();
-        let mut layout = low_pass(&SrgbImage::from_vec(width, height, pixels), silhouette, self.sigma);
+        let mut layout = low_pass(
+            &SrgbImage::from_vec(width, height, pixels),
+            silhouette,
+            self.recipe.sigma,
+        );
         self.meet(&mut layout, known);
         let todo = (0..silhouette.len()).map(|i| silhouette.data()[i] && known.share(i) < 1.0);
         let todo = Mask::from_vec(width, height, todo.collect());
-        let detail = self.exemplar.detail(&layout, &todo, self.seed);
+        let detail = self
+            .exemplar
+            .detail(&layout, &todo, self.recipe.rounds, self.recipe.seed);
         for (low, high) in layout.data_mut().iter_mut().zip(detail.data()) {
             for (l, h) in low.iter_mut().zip(high) {
                 *l += h;
@@ -85,7 +101,7 @@ impl Filler {
         let gap = layout.data().iter().zip(known.colour.data()).zip(share.data());
         let gap = gap.map(|((l, t), w)| std::array::from_fn(|c| w * (t[c] - l[c])));
         let gap = SrgbImage::from_vec(width, height, gap.collect());
-        let reach = CORRECTION * self.sigma;
+        let reach = CORRECTION * self.recipe.sigma;
         let gap = gaussian_rgb(&gap, reach);
         let near = gaussian(&share, reach);
         for ((l, g), n) in layout.data_mut().iter_mut().zip(gap.data()).zip(near.data()) {

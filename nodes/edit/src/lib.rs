@@ -24,7 +24,7 @@ use gear_image::{Image, Mask, SrgbImage, colour};
 use gear_splat::{Camera, RenderOptions, Scene, View, Views};
 use rayon::prelude::*;
 
-use crate::fill::Filler;
+use crate::fill::{Filler, Recipe};
 use crate::reproject::Source;
 use crate::target::{Buffers, Told, Trust};
 
@@ -45,6 +45,12 @@ pub struct Edit {
     /// Side of the patches that lend detail.
     #[param(default = 7, range = 3..=31, unit = "px")]
     pub patch: usize,
+    /// Random rotations of colour space along which the scene's colours are brought to the painting's.
+    #[param(default = 20, range = 0..=10_000)]
+    pub color_rotations: u32,
+    /// Rounds in which patches are looked for.
+    #[param(default = 4, range = 0..=1000)]
+    pub patch_rounds: u32,
     /// Blur of the border between seen and unseen.
     #[param(default = 0.004, range = 0.0..=0.1, unit = "share of the longer side")]
     pub feather: f64,
@@ -125,8 +131,14 @@ impl Node for Edit {
         ctx.progress(0.3);
         // Fully seen views need neither colour map nor patches.
         let filler = told.iter().any(|told| !told.is_complete()).then(|| {
-            let sigma = (self.layout * longer).max(0.8);
-            Filler::new(&front, painting, &inputs.mask, sigma, self.patch, self.seed)
+            let recipe = Recipe {
+                sigma: (self.layout * longer).max(0.8),
+                rotations: self.color_rotations,
+                patch: self.patch,
+                rounds: self.patch_rounds,
+                seed: self.seed,
+            };
+            Filler::new(&front, painting, &inputs.mask, recipe)
         });
         ctx.progress(0.5);
         let targets: Result<Vec<View>, NodeError> = told

@@ -13,8 +13,6 @@ use rayon::prelude::*;
 
 use crate::random;
 
-/// Rounds of propagation and search.
-const ROUNDS: u64 = 4;
 /// Distances at which neighbours propose, pixels.
 const REACH: [isize; 4] = [8, 4, 2, 1];
 /// A neighbour's continued place counts as this share of its distance.
@@ -69,14 +67,14 @@ impl Exemplar {
     }
 
     /// Detail for the pixels of `todo`, whose low-pass colour is `guide`; zero elsewhere, and everywhere when the
-    /// painting has no room for a patch.
-    pub fn detail(&self, guide: &SrgbImage, todo: &Mask, seed: u64) -> SrgbImage {
+    /// painting has no room for a patch. Places are looked for in `rounds` of propagation and search.
+    pub fn detail(&self, guide: &SrgbImage, todo: &Mask, rounds: u32, seed: u64) -> SrgbImage {
         let (width, height) = todo.size();
         if self.places.is_empty() {
             return SrgbImage::filled(width, height, [0.0; 3]);
         }
         let mut field = self.start(guide, todo, seed);
-        for round in 0..ROUNDS {
+        for round in 0..u64::from(rounds) {
             for reach in REACH {
                 field = self.propagated(&field, guide, todo, reach);
             }
@@ -217,7 +215,7 @@ mod tests {
         let todo = Mask::filled(40, 40, true);
         let mut field = exemplar.start(&guide, &todo, 5);
         let before: f32 = field.iter().map(|m| m.cost).sum();
-        for round in 0..ROUNDS {
+        for round in 0..4 {
             for reach in REACH {
                 field = exemplar.propagated(&field, &guide, &todo, reach);
             }
@@ -225,7 +223,7 @@ mod tests {
         }
         let after: f32 = field.iter().map(|m| m.cost).sum();
         assert!(after < 0.02 * before, "{before} → {after}");
-        let detail = exemplar.detail(&guide, &todo, 5);
+        let detail = exemplar.detail(&guide, &todo, 4, 5);
         let energy = detail.data().iter().map(|d| d[1] * d[1]).sum::<f32>() / 1600.0;
         assert!(energy > 0.2 * 0.05 * 0.05, "texture is lost: {energy}");
     }
@@ -234,7 +232,7 @@ mod tests {
     fn a_painting_too_small_for_a_patch_lends_nothing() {
         let painting = stripes(5, 5);
         let exemplar = Exemplar::new(&painting, painting.clone(), &Mask::filled(5, 5, true), 3);
-        let detail = exemplar.detail(&stripes(9, 9), &Mask::filled(9, 9, true), 0);
+        let detail = exemplar.detail(&stripes(9, 9), &Mask::filled(9, 9, true), 4, 0);
         assert!(detail.data().iter().all(|d| *d == [0.0; 3]));
     }
 }

@@ -109,7 +109,14 @@ fn a_view_that_the_painting_tells_entirely_needs_no_filling() {
     let view = &inputs.views.views[0];
     let told = Told::of(&source, view, &buffers(view).unwrap());
     assert!(told.is_complete());
-    let filler = Filler::new(&view.rgb, &sample.painting.rgb, &sample.mask, 1.0, 7, 0);
+    let recipe = Recipe {
+        sigma: 1.0,
+        rotations: 20,
+        patch: 7,
+        rounds: 4,
+        seed: 0,
+    };
+    let filler = Filler::new(&view.rgb, &sample.painting.rgb, &sample.mask, recipe);
     let trust = Trust { back: 0.5, fill: 0.3 };
     let alpha = view.alpha.as_ref().unwrap();
     let with = target::target(told, view, alpha, &trust, Some(&filler));

@@ -52,6 +52,10 @@ pub struct Metrics {
     /// read higher, because their facets count as detail.
     #[param(default = 192, range = 32..=2048, unit = "px")]
     pub ddi_size: u32,
+    /// Cells of equal area over which VEND counts the directions of normals. More of them tell finer bends apart, and need
+    /// more surfels to fill them: figures with other numbers of cells do not compare.
+    #[param(default = vend::CELLS, range = 2..=65_536)]
+    pub normal_cells: usize,
     /// Yaws of the views whose NIQE is taken.
     #[param(default = vec![-90.0, -60.0, -30.0, 0.0, 30.0, 60.0, 90.0], range = -360.0..=360.0, unit = "degrees")]
     pub view_yaws: Vec<f64>,
@@ -103,7 +107,7 @@ impl Node for Metrics {
             ctx.note(format!("{dropped} Gaussians were not finite and are left out"));
         }
         let surfels = Surfels::of(&scene);
-        let vend = vend::vend(&surfels);
+        let vend = vend::vend(&surfels, self.normal_cells);
         ctx.progress_with(0.1, "depth detail");
         let ddi = self.ddi(&scene, &surfels);
         ctx.progress_with(0.3, "front");

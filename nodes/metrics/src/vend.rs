@@ -5,8 +5,8 @@
 //!
 //! * V = √(σ₂ σ₃)/σ₁, with σ₁ ≥ σ₂ ≥ σ₃ the roots of the eigenvalues of the centres' covariance, weighted by opaque
 //!   area: 0 for a line or a plane, 1 for a body that extends equally in all directions.
-//! * D = entropy of the normals, weighted by opaque area, over 128 equal-area cells of the sphere (a Fibonacci
-//!   lattice), divided by ln 128: 0 for one direction, 1 for all.
+//! * D = entropy of the normals, weighted by opaque area, over n = 128 equal-area cells of the sphere (a Fibonacci
+//!   lattice), divided by ln n: 0 for one direction, 1 for all.
 //!
 //! Both lie in [0, 1] and do not change with scale, position, or sampling density.
 
@@ -17,8 +17,8 @@ use rayon::prelude::*;
 
 use crate::surfels::Surfels;
 
-/// Equal-area cells of the sphere of normals.
-const CELLS: usize = 128;
+/// Equal-area cells of the sphere of normals, unless another number is asked for.
+pub const CELLS: usize = 128;
 /// Surfels a chunk: fixed, so that sums have one shape on any number of threads.
 const CHUNK: usize = 4096;
 
@@ -33,10 +33,10 @@ pub struct Vend {
     pub diversity: f64,
 }
 
-/// VEND of surfels; 0 without any opaque area.
-pub fn vend(surfels: &Surfels) -> Vend {
+/// VEND of surfels, their normals counted over `cells`, at least two; 0 without any opaque area.
+pub fn vend(surfels: &Surfels, cells: usize) -> Vend {
     let extent = extent(surfels);
-    let diversity = diversity(surfels);
+    let diversity = diversity(surfels, cells.max(2));
     Vend {
         vend: 100.0 * (extent.clamp(0.0, 1.0) * diversity.clamp(0.0, 1.0)).sqrt(),
         extent,
@@ -101,18 +101,19 @@ fn eigenvalues(mut a: [[f64; 3]; 3]) -> [f64; 3] {
 }
 
 /// Directions of a Fibonacci lattice: cells of equal area.
-fn directions() -> [DVec3; CELLS] {
-    std::array::from_fn(|i| {
+fn directions(count: usize) -> Vec<DVec3> {
+    let direction = |i: usize| {
         let i = i as f64 + 0.5;
-        let z = 1.0 - 2.0 * i / CELLS as f64;
+        let z = 1.0 - 2.0 * i / count as f64;
         let turn = PI * (1.0 + 5f64.sqrt()) * i;
         let r = (1.0 - z * z).sqrt();
         DVec3::new(r * libm::cos(turn), r * libm::sin(turn), z)
-    })
+    };
+    (0..count).map(direction).collect()
 }
 
-fn diversity(surfels: &Surfels) -> f64 {
-    let directions = directions();
+fn diversity(surfels: &Surfels, count: usize) -> f64 {
+    let directions = directions(count);
     let nearest = |n: &DVec3| {
         let mut best = (0, f64::NEG_INFINITY);
         for (i, d) in directions.iter().enumerate() {
@@ -123,19 +124,19 @@ fn diversity(surfels: &Surfels) -> f64 {
         }
         best.0
     };
-    let partial: Vec<[f64; CELLS]> = surfels
+    let partial: Vec<Vec<f64>> = surfels
         .normals
         .par_chunks(CHUNK)
         .zip(surfels.weights.par_chunks(CHUNK))
         .map(|(normals, weights)| {
-            let mut cells = [0.0; CELLS];
+            let mut cells = vec![0.0; count];
             for (n, w) in normals.iter().zip(weights) {
                 cells[nearest(n)] += w;
             }
             cells
         })
         .collect();
-    let mut cells = [0.0; CELLS];
+    let mut cells = vec![0.0; count];
     for part in &partial {
         for (cell, w) in cells.iter_mut().zip(part) {
             *cell += w;
@@ -150,7 +151,7 @@ fn diversity(surfels: &Surfels) -> f64 {
         sum - p * libm::log(p)
     });
     // One cell gives −0 and round-off may pass 1 by a bit.
-    (entropy / libm::log(CELLS as f64)).clamp(0.0, 1.0) + 0.0
+    (entropy / libm::log(count as f64)).clamp(0.0, 1.0) + 0.0
 }
 
 #[cfg(test)]
@@ -195,7 +196,7 @@ mod tests {
         let tolerance = &oracle["tolerance"];
         for case in oracle["cases"].as_array().unwrap() {
             let name = case["case"].as_str().unwrap();
-            let ours = vend(&cloud(name));
+            let ours = vend(&cloud(name), CELLS);
             for (key, ours, tolerance) in [
                 ("vend", ours.vend, &tolerance["vend"]),
                 ("extent", ours.extent, &tolerance["factors"]),
@@ -242,7 +243,7 @@ mod tests {
                 normals: points.iter().map(|p| DVec3::from_array(p.1).normalize_or(DVec3::Z)).collect(),
                 weights: points.iter().map(|p| p.2).collect(),
             };
-            let v = vend(&surfels);
+            let v = vend(&surfels, CELLS);
             prop_assert!((0.0..=1.0).contains(&v.extent));
             prop_assert!((0.0..=1.0).contains(&v.diversity));
             prop_assert!((0.0..=100.0).contains(&v.vend));

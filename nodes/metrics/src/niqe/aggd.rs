@@ -23,37 +23,57 @@ struct Fit {
     mean: f64,
 }
 
-/// The grid of shapes and r on it, which grows with the shape.
-fn grid() -> &'static (Vec<f64>, Vec<f64>) {
-    static GRID: OnceLock<(Vec<f64>, Vec<f64>)> = OnceLock::new();
-    GRID.get_or_init(|| {
-        let shapes: Vec<f64> = (0..=9800).map(|i| 0.2 + f64::from(i) * 0.001).collect();
+/// Shapes from 0.2 to 10, and r on them, which grows with the shape.
+pub(super) struct Grid {
+    shapes: Vec<f64>,
+    ratios: Vec<f64>,
+}
+
+/// The reference's step from one shape to the next.
+pub(super) const STEP: f64 = 0.001;
+
+impl Grid {
+    /// A grid of a step of its own, above 0 and at most 9.8.
+    pub fn of_step(step: f64) -> Self {
+        let last = (9.8 / step).round() as usize;
+        let shapes: Vec<f64> = (0..=last).map(|i| 0.2 + i as f64 * step).collect();
         let ratio = |&a: &f64| {
             let g = tgamma(2.0 / a);
             g * g / (tgamma(1.0 / a) * tgamma(3.0 / a))
         };
         let ratios = shapes.iter().map(ratio).collect();
-        (shapes, ratios)
-    })
-}
-
-/// The grid's shape whose r is nearest. NaN gives the first one, as `argmin` over NaNs does in the reference.
-fn nearest_shape(ratio: f64) -> f64 {
-    let (shapes, ratios) = grid();
-    if ratio.is_nan() {
-        return shapes[0];
+        Self { shapes, ratios }
     }
-    let above = ratios.partition_point(|&r| r < ratio);
-    let at = match above {
-        0 => 0,
-        n if n == ratios.len() => n - 1,
-        n if ratio - ratios[n - 1] <= ratios[n] - ratio => n - 1,
-        n => n,
-    };
-    shapes[at]
+
+    /// The grid of the reference.
+    pub fn reference() -> &'static Self {
+        static GRID: OnceLock<Grid> = OnceLock::new();
+        GRID.get_or_init(|| Self::of_step(STEP))
+    }
+
+    /// How many shapes it has.
+    pub fn len(&self) -> usize {
+        self.shapes.len()
+    }
+
+    /// The shape whose r is nearest. NaN gives the first one, as `argmin` over NaNs does in the reference.
+    fn nearest(&self, ratio: f64) -> f64 {
+        let (shapes, ratios) = (&self.shapes, &self.ratios);
+        if ratio.is_nan() {
+            return shapes[0];
+        }
+        let above = ratios.partition_point(|&r| r < ratio);
+        let at = match above {
+            0 => 0,
+            n if n == ratios.len() => n - 1,
+            n if ratio - ratios[n - 1] <= ratios[n] - ratio => n - 1,
+            n => n,
+        };
+        shapes[at]
+    }
 }
 
-fn fit(samples: impl Iterator<Item = f64>) -> Fit {
+fn fit(samples: impl Iterator<Item = f64>, grid: &Grid) -> Fit {
     let (mut left, mut right, mut absolute) = (0.0, 0.0, 0.0);
     let (mut lefts, mut rights, mut count) = (0.0, 0.0, 0.0);
     for x in samples {
@@ -74,7 +94,7 @@ fn fit(samples: impl Iterator<Item = f64>) -> Fit {
     let skew = left / right;
     let (s2, s3) = (skew * skew, skew * skew * skew);
     let ratio = absolute * absolute / square * (s3 + 1.0) * (skew + 1.0) / ((s2 + 1.0) * (s2 + 1.0));
-    let shape = nearest_shape(ratio);
+    let shape = grid.nearest(ratio);
     let width = (tgamma(1.0 / shape) / tgamma(3.0 / shape)).sqrt();
     let (left, right) = (left * width, right * width);
     Fit {
@@ -86,16 +106,17 @@ fn fit(samples: impl Iterator<Item = f64>) -> Fit {
 }
 
 /// The 18 features of the square block at (x0, y0).
-pub(super) fn features(plane: &Plane, x0: usize, y0: usize, side: usize) -> [f64; FEATURES] {
+pub(super) fn features(plane: &Plane, (x0, y0): (usize, usize), side: usize, grid: &Grid) -> [f64; FEATURES] {
     let at = |x: usize, y: usize| plane.data[(y0 + y) * plane.width + x0 + x];
     let cells = || (0..side).flat_map(move |y| (0..side).map(move |x| (x, y)));
     let mut features = [0.0; FEATURES];
-    let own = fit(cells().map(|(x, y)| at(x, y)));
+    let own = fit(cells().map(|(x, y)| at(x, y)), grid);
     features[0] = own.shape;
     features[1] = (own.left + own.right) / 2.0;
     for (features, (down, across)) in features[2..].chunks_exact_mut(4).zip(SHIFTS) {
         let wrapped = |i: usize, by: isize| (i as isize - by).rem_euclid(side as isize) as usize;
-        let pair = fit(cells().map(|(x, y)| at(x, y) * at(wrapped(x, across), wrapped(y, down))));
+        let products = cells().map(|(x, y)| at(x, y) * at(wrapped(x, across), wrapped(y, down)));
+        let pair = fit(products, grid);
         features.copy_from_slice(&[pair.shape, pair.mean, pair.left, pair.right]);
     }
     features
@@ -107,14 +128,15 @@ mod tests {
 
     #[test]
     fn the_ratio_grows_with_the_shape_so_bisection_finds_the_nearest() {
-        let (shapes, ratios) = grid();
+        let grid = Grid::reference();
+        let (shapes, ratios) = (&grid.shapes, &grid.ratios);
         assert_eq!(shapes.len(), 9801);
         assert!(ratios.windows(2).all(|r| r[0] < r[1]));
         for probe in [0.0, 0.1, 0.3, 0.5, 0.636, 0.7, 0.75, 2.0] {
             let slow = (0..ratios.len())
                 .min_by(|&i, &j| (ratios[i] - probe).abs().total_cmp(&(ratios[j] - probe).abs()))
                 .unwrap();
-            assert_eq!(nearest_shape(probe), shapes[slow]);
+            assert_eq!(grid.nearest(probe), shapes[slow]);
         }
     }
 
@@ -128,13 +150,15 @@ mod tests {
                 -libm::log(2.0 - 2.0 * u)
             }
         };
-        assert!((fit(quantiles().map(laplace)).shape - 1.0).abs() < 0.01);
-        assert!(fit(quantiles().map(|u| 2.0 * u - 1.0)).shape > 9.0);
+        let grid = Grid::reference();
+        assert!((fit(quantiles().map(laplace), grid).shape - 1.0).abs() < 0.01);
+        assert!(fit(quantiles().map(|u| 2.0 * u - 1.0), grid).shape > 9.0);
     }
 
     #[test]
     fn a_block_with_one_sign_is_undefined() {
-        assert!(fit([1.0, 2.0, 3.0].into_iter()).left.is_nan());
-        assert!(fit([0.0; 4].into_iter()).right.is_nan());
+        let grid = Grid::reference();
+        assert!(fit([1.0, 2.0, 3.0].into_iter(), grid).left.is_nan());
+        assert!(fit([0.0; 4].into_iter(), grid).right.is_nan());
     }
 }

@@ -25,6 +25,7 @@ mod pristine;
 use gear_image::SrgbImage;
 use rayon::prelude::*;
 
+use self::aggd::Grid;
 use self::luma::Plane;
 
 /// Side of a block at full scale, in pixels.
@@ -36,10 +37,20 @@ const FEATURES: usize = 2 * PER_SCALE;
 
 /// NIQE of a picture, or `None` where it is undefined: fewer than two blocks of 96 × 96 with any variation.
 pub fn niqe(picture: &SrgbImage) -> Option<f64> {
-    niqe_of_luma(luma::luma(picture))
+    niqe_of_luma(luma::luma(picture), Grid::reference())
 }
 
-fn niqe_of_luma(luma: Plane) -> Option<f64> {
+/// The reference's step of the grid of shapes.
+pub const SHAPE_STEP: f64 = aggd::STEP;
+
+/// The same with shapes looked up on a grid of another step than [`SHAPE_STEP`], above 0 and at most 9.8; and how many shapes
+/// that grid has. For the curve of error over its size.
+pub fn niqe_with_step(picture: &SrgbImage, step: f64) -> (Option<f64>, usize) {
+    let grid = Grid::of_step(step);
+    (niqe_of_luma(luma::luma(picture), &grid), grid.len())
+}
+
+fn niqe_of_luma(luma: Plane, grid: &Grid) -> Option<f64> {
     let (columns, rows) = (luma.width / BLOCK, luma.height / BLOCK);
     if columns * rows < 2 {
         return None;
@@ -54,8 +65,10 @@ fn niqe_of_luma(luma: Plane) -> Option<f64> {
             let (bx, by) = (i % columns, i / columns);
             let mut features = [0.0; FEATURES];
             let (first, second) = features.split_at_mut(PER_SCALE);
-            first.copy_from_slice(&aggd::features(&full, bx * BLOCK, by * BLOCK, BLOCK));
-            second.copy_from_slice(&aggd::features(&halved, bx * BLOCK / 2, by * BLOCK / 2, BLOCK / 2));
+            let at = (bx * BLOCK, by * BLOCK);
+            first.copy_from_slice(&aggd::features(&full, at, BLOCK, grid));
+            let at = (bx * BLOCK / 2, by * BLOCK / 2);
+            second.copy_from_slice(&aggd::features(&halved, at, BLOCK / 2, grid));
             features
         })
         .collect();

@@ -127,3 +127,13 @@ fn any_thread_count_gives_the_same_bits() {
     let five = many.install(|| niqe(&picture)).unwrap();
     assert_eq!(one.to_bits(), five.to_bits());
 }
+
+#[test]
+fn another_grid_of_shapes_changes_little_and_the_reference_s_nothing() {
+    let (picture, _) = picture("noise", 256, 224);
+    let reference = niqe(&picture).unwrap();
+    assert_eq!(niqe_with_step(&picture, SHAPE_STEP), (Some(reference), 9801));
+    let (finer, shapes) = niqe_with_step(&picture, 1e-4);
+    let off = (finer.unwrap() - reference).abs();
+    assert!(off > 0.0 && off < 0.01 && shapes == 98_001, "{off}, {shapes}");
+}

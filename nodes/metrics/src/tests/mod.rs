@@ -19,7 +19,7 @@ fn measured(scene: &Scene) -> (vend::Vend, Vec<f64>) {
     let maps = views::depth_maps(scene, &Metrics::default().ddi_yaws, SIDE as u32);
     let mut ddi: Vec<f64> = maps.iter().map(|map| ddi::ddi(map, deviations)).collect();
     ddi.push(mean(&ddi).unwrap());
-    (vend::vend(&surfels), ddi)
+    (vend::vend(&surfels, vend::CELLS), ddi)
 }
 
 fn scene(name: &str) -> Scene {
@@ -125,6 +125,7 @@ fn report(node: &Metrics, inputs: In) -> Value {
 
 fn quick() -> Metrics {
     Metrics {
+        normal_cells: vend::CELLS,
         view_yaws: vec![0.0, 45.0],
         ddi_yaws: vec![30.0],
         ddi_size: 96,
@@ -203,7 +204,7 @@ proptest! {
     #[test]
     fn vend_does_not_change_with_scale_place_or_turn(scale in 0.01..100.0f32, x in -3.0..3.0f32, angle in -180.0..180.0f64) {
         let before = shapes::panel().scene(0.6).filtered(|i| i % 8 == 0);
-        let extent = |scene: &Scene| vend::vend(&Surfels::of(scene)).extent;
+        let extent = |scene: &Scene| vend::vend(&Surfels::of(scene), vend::CELLS).extent;
         let (sin, cos) = (libm::sin(angle.to_radians() / 2.0) as f32, libm::cos(angle.to_radians() / 2.0) as f32);
         let turn = glam::Quat::from_xyzw(0.6 * sin, 0.8 * sin, 0.0, cos);
         let mut after = before.clone();
