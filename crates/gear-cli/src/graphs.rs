@@ -64,7 +64,10 @@ pub fn experiments() -> &'static [Shipped] {
         "curves/shading",
         "curves/gaussians",
         "curves/refine",
+        "curves/refine-size",
+        "curves/edit",
         "curves/depth-maps",
+        "curves/normal-cells",
     ]
 }
 
