@@ -1,6 +1,10 @@
 //! Work–precision diagrams: error against cost, both logarithmic, as SVG that stands alone.
 
+mod labels;
+
 use std::fmt::Write;
+
+use labels::Labels;
 
 /// A diagram.
 #[derive(Clone, Debug, Default)]
@@ -9,7 +13,7 @@ pub struct Diagram {
     pub title: String,
     /// The abscissa with its unit, such as `seconds`.
     pub cost: String,
-    /// The ordinate with its unit, such as `rms of R_ms`.
+    /// The ordinate with its unit, such as `rms of R_ms`; what follows `, against ` stands under the title.
     pub error: String,
     /// The points.
     pub points: Vec<Point>,
@@ -78,6 +82,15 @@ impl Diagram {
             MARGIN.0,
             escaped(&self.title)
         );
+        let (what, against) = self.error.split_once(", against ").unwrap_or((&self.error, ""));
+        if !against.is_empty() {
+            let _ = writeln!(
+                svg,
+                "<text class=\"n\" x=\"{}\" y=\"38\">error against {}</text>",
+                MARGIN.0,
+                escaped(against)
+            );
+        }
         let bottom = SIZE.1 - MARGIN.3;
         for tick in y.ticks() {
             let at = y.place(tick);
@@ -115,7 +128,7 @@ impl Diagram {
             escaped(&self.cost),
             middle.1,
             middle.1,
-            escaped(&self.error),
+            escaped(what),
         );
         self.draw_points(&mut svg, &points, place);
         svg.push_str("</svg>\n");
@@ -166,23 +179,15 @@ impl Diagram {
                     "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.5\"/>"
                 )
             };
-            let words = match point.default {
-                true => format!("{} (default)", point.label),
-                false => point.label.clone(),
-            };
-            let end = x > SIZE.0 - 150.0;
             let _ = writeln!(
                 svg,
-                "<g>{shape}<title>{}: {} / {}</title><text class=\"n{}\" x=\"{:.1}\" y=\"{:.1}\">{}</text></g>",
+                "<g>{shape}<title>{}: {} / {}</title></g>",
                 escaped(&point.label),
                 short(point.cost),
                 short(point.error),
-                if end { " e" } else { "" },
-                if end { x - 9.0 } else { x + 9.0 },
-                y - 6.0,
-                escaped(&words),
             );
         }
+        let mut labels = Labels::new((MARGIN.0, MARGIN.1, SIZE.0, SIZE.1 - MARGIN.3));
         if families.len() > 1 {
             for (i, family) in families.iter().enumerate() {
                 let y = MARGIN.1 + 12.0 + 16.0 * i as f64;
@@ -195,7 +200,40 @@ impl Diagram {
                     escaped(family),
                     x = SIZE.0 - MARGIN.2 - 6.0,
                 );
+                let width = 6.6 * family.chars().count() as f64 + 30.0;
+                labels.keep_free((SIZE.0 - MARGIN.2 - width, y - 14.0, SIZE.0, y + 4.0));
             }
+        }
+        // What matters most takes its place first.
+        let mut labelled = points.to_vec();
+        labelled.sort_by_key(|point| (!point.default, !point.front));
+        for point in labelled {
+            let words = point.words();
+            if let Some(at) = labels.place(&words, place(point)) {
+                let _ = writeln!(
+                    svg,
+                    "<text class=\"n{}\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+                    if at.end { " e" } else { "" },
+                    at.x,
+                    at.y,
+                    escaped(&words),
+                );
+            }
+        }
+    }
+}
+
+impl Point {
+    /// Its label without what its family says already, and whether it is the default.
+    fn words(&self) -> String {
+        let parts = self.label.split("; ").filter(|part| *part != self.family);
+        let words = match parts.collect::<Vec<_>>().join("; ") {
+            nothing if nothing.is_empty() => self.label.clone(),
+            words => words,
+        };
+        match self.default && !words.contains("(shipped)") {
+            true => format!("{words} (default)"),
+            false => words,
         }
     }
 }
@@ -308,6 +346,24 @@ mod tests {
         assert_eq!(svg.matches("<circle").count(), 2, "the default has a shape of its own");
         assert!(svg.contains(">0</text>"), "an exact result is shown");
         assert_eq!(svg.matches("polyline").count(), 2, "the family and the front");
+    }
+
+    #[test]
+    fn a_label_says_what_neither_the_family_nor_the_title_does() {
+        let mut point = point("rotations = 5; rounds = 2", 1.0, 1.0);
+        point.family = "rounds = 2".into();
+        assert_eq!(point.words(), "rotations = 5");
+        point.default = true;
+        assert_eq!(point.words(), "rotations = 5 (default)");
+        point.label = "rounds = 2".into();
+        assert_eq!(point.words(), "rounds = 2 (default)");
+        let diagram = Diagram {
+            error: "rms of views, against steps = 1500".into(),
+            points: vec![point],
+            ..Diagram::default()
+        };
+        let svg = diagram.svg().unwrap();
+        assert!(svg.contains(">rms of views<") && svg.contains(">error against steps = 1500<"));
     }
 
     #[test]

@@ -140,3 +140,19 @@ fn the_pictures_of_the_book_are_drawn_from_the_tables() {
         );
     }
 }
+
+#[test]
+fn every_shipped_curve_was_measured_and_every_table_is_shown_in_the_book() {
+    let tables = files("docs/src/curves", "csv");
+    for (name, _) in files("graphs/curves", "yaml") {
+        assert!(
+            tables.iter().any(|(table, _)| *table == name),
+            "@curves/{name} has no table"
+        );
+    }
+    let chapters = files("docs/src", "md");
+    let (_, chapter) = chapters.iter().find(|(name, _)| name == "curves").unwrap();
+    for (name, _) in tables {
+        assert!(chapter.contains(&format!("(curves/{name}.svg)")), "{name} is not shown");
+    }
+}
