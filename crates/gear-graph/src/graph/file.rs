@@ -5,6 +5,7 @@ use std::collections::hash_map::Entry;
 
 use super::overlay::Removed;
 use super::snapshots::FileSnapshot;
+use super::suggest::glued;
 use super::{GRAPH_VERSION, nearest, snapshots};
 use crate::params::yaml_trap;
 use crate::{Problem, Spanned, Tree, TreeKind};
@@ -71,6 +72,9 @@ pub fn read<'t>(tree: &'t Tree, removed: &'t Removed, problems: &mut Vec<Problem
     let outputs = section(top, "outputs", problems);
     file_names("output", outputs, &RESERVED, problems);
     for (name, tree) in outputs {
+        if tree.kind == TreeKind::Null && glued(&name.value).is_some() {
+            continue; // reported as a bad name, with what was meant
+        }
         if let Some(source) = text(tree, &format!("output `{}`", name.value), "`node.port`", problems) {
             file.outputs.push((name, source));
         }
@@ -131,7 +135,12 @@ pub fn version(tree: &Tree, problems: &mut Vec<Problem>) {
                 tree.span,
                 "no `gear:` here",
             )
-            .help(format!("begin with `gear: {GRAPH_VERSION}`")),
+            .help(
+                match ["study", "curve"].into_iter().find(|kind| get(top, kind).is_some()) {
+                    Some(kind) => format!("this is a {kind}, not a graph: `gear {kind}` runs it"),
+                    None => format!("begin with `gear: {GRAPH_VERSION}`"),
+                },
+            ),
         ),
         Some(tree) => match tree.kind {
             TreeKind::Integer(GRAPH_VERSION) => {}
@@ -226,6 +235,13 @@ fn node<'t>(id: &'t Spanned<String>, tree: &'t Tree, problems: &mut Vec<Problem>
         Some(tree) => map(tree, &format!("`in` of {what}"), problems).unwrap_or_default(),
     };
     for (port, tree) in inputs {
+        if matches!(
+            (port.value.as_str(), &tree.kind),
+            ("with" | "node", TreeKind::Map(_) | TreeKind::Null)
+        ) {
+            problems.push(beside(port, &what));
+            continue;
+        }
         let what = format!("port `{}` of {what}", port.value);
         let expected = "an input's name or `node.port`";
         let wiring = match &tree.kind {
@@ -236,6 +252,11 @@ fn node<'t>(id: &'t Spanned<String>, tree: &'t Tree, problems: &mut Vec<Problem>
                     .collect(),
                 list: true,
             },
+            // The port is reported as unknown, with what was meant.
+            TreeKind::Null if glued(&port.value).is_some() => Wiring {
+                refs: Vec::new(),
+                list: false,
+            },
             _ => Wiring {
                 refs: text(tree, &what, expected, problems).into_iter().collect(),
                 list: false,
@@ -244,6 +265,18 @@ fn node<'t>(id: &'t Spanned<String>, tree: &'t Tree, problems: &mut Vec<Problem>
         node.inputs.push((port, wiring));
     }
     Some(node)
+}
+
+/// A key of a node that stands among its wires.
+fn beside(key: &Spanned<String>, what: &str) -> Problem {
+    let key_name = &key.value;
+    Problem::error(
+        "wrong-type",
+        format!("`{key_name}` stands within `in` of {what}"),
+        key.span,
+        "this is no port",
+    )
+    .help(format!("write it beside `in`: `in: {{…}}, {key_name}: {{…}}`"))
 }
 
 /// A name must be usable in `node.port`, in `--set` and as the name of a file.
@@ -264,9 +297,9 @@ fn good_name(name: &Spanned<String>, what: &str, problems: &mut Vec<Problem>) {
                 name.span,
                 "not a name",
             )
-            .help(format!(
-                "a name is a letter, then letters, digits, `_` and `-`; at most {LONGEST_NAME} characters"
-            )),
+            .help(glued(&name.value).unwrap_or_else(|| {
+                format!("a name is a letter, then letters, digits, `_` and `-`; at most {LONGEST_NAME} characters")
+            })),
         );
     }
 }
@@ -384,19 +417,33 @@ pub(super) fn keys(entries: Entries<'_>, what: &str, known: &[&str], problems: &
                 key.span,
                 "unknown key",
             )
-            .help(
-                match (glued(&key.value, known), nearest(&key.value, known.iter().copied())) {
-                    (Some(apart), _) => format!("a colon is followed by a space: `{apart}`"),
-                    (None, Some(name)) => format!("did you mean `{name}`?"),
-                    (None, None) => format!("its keys are {}", known.join(", ")),
+            .help(match (glued(&key.value), meant(&key.value, entries, known)) {
+                (Some(apart), _) => apart,
+                (None, Some(name)) => format!("write `{name}`"),
+                (None, None) => match nearest(&key.value, known.iter().copied()) {
+                    Some(name) => format!("did you mean `{name}`?"),
+                    None => format!("its keys are {}", known.join(", ")),
                 },
-            ),
+            }),
         );
     }
 }
 
-/// `node:Type`, which YAML takes for one word, as it was meant.
-fn glued(key: &str, known: &[&str]) -> Option<String> {
-    let (name, value) = key.split_once(':')?;
-    known.contains(&name).then(|| format!("{name}: {value}"))
+/// The key of gear's that is called otherwise elsewhere, unless it is there as well.
+fn meant(key: &str, entries: Entries<'_>, known: &[&str]) -> Option<&'static str> {
+    const OTHERS: [(&str, &[&str]); 6] = [
+        ("in", &["inputs", "input", "from", "wires"]),
+        (
+            "with",
+            &["params", "parameters", "param", "args", "options", "settings"],
+        ),
+        ("node", &["type", "kind", "op", "class"]),
+        ("type", &["node", "kind", "class"]),
+        ("nodes", &["steps", "graph"]),
+        ("gear", &["version"]),
+    ];
+    let other = OTHERS
+        .iter()
+        .find(|(name, others)| known.contains(name) && others.contains(&key) && get(entries, name).is_none());
+    other.map(|(name, _)| *name)
 }

@@ -64,7 +64,8 @@ impl Library {
         };
         if let Some(held) = name.strip_prefix('@') {
             return self.held.get(held).cloned().ok_or_else(|| {
-                let names = self.held.keys().map(String::as_str);
+                // What has an extension is no graph, but read by one.
+                let names = self.held.keys().map(String::as_str).filter(|name| !name.contains('.'));
                 let help = match nearest(held, names.clone()) {
                     Some(near) => Some(format!("did you mean `@{near}`?")),
                     None if self.held.is_empty() => None,
@@ -76,13 +77,27 @@ impl Library {
         match read(Path::new(name)) {
             Ok(text) => Ok(text.into()),
             Err(cause) => Err(match cause.kind() {
-                ErrorKind::NotFound => unreadable("there is no such file", neighbour(Path::new(name))),
-                ErrorKind::IsADirectory => unreadable("this is a folder", None),
-                ErrorKind::InvalidData => unreadable("this is not text in UTF-8", None),
+                ErrorKind::NotFound => unreadable(
+                    "there is no such file",
+                    self.without_at(name).or_else(|| neighbour(Path::new(name))),
+                ),
+                ErrorKind::IsADirectory => unreadable("this is a folder", self.without_at(name)),
+                ErrorKind::InvalidData => unreadable("this is not text in UTF-8", self.without_at(name)),
                 ErrorKind::FileTooLarge => unreadable(&format!("it is larger than {} MiB", LARGEST >> 20), None),
                 _ => unreadable(&cause.to_string(), None),
             }),
         }
+    }
+
+    /// What to write for the name of a graph in the program that lacks its `@`, or also its folder. A path that
+    /// was resolved begins at the folder of the file that names it: what is behind the last `/` may be such a name.
+    fn without_at(&self, name: &str) -> Option<String> {
+        let plain = name.trim_start_matches("./").trim_end_matches(".yaml");
+        let last = plain.rsplit('/').next().unwrap_or(plain);
+        let names = || self.held.keys().map(String::as_str);
+        let is = |held: &&str| *held == plain || held.rsplit('/').next() == Some(last);
+        let held = names().find(|held| *held == plain).or_else(|| names().find(is))?;
+        Some(format!("a file of that name comes with gear: write `@{held}`"))
     }
 
     /// The name of the file that `reference` means in the file `from`. Paths begin at the folder of that file.
@@ -182,6 +197,11 @@ mod tests {
         assert_eq!(cause("@gaer"), "no graph of that name comes with gear");
         assert_eq!(help("@gaer"), "did you mean `@gear`?");
         assert_eq!(help("@something-else"), "there are @baselines/raw, @gear");
+        assert_eq!(help("gear"), "a file of that name comes with gear: write `@gear`");
+        assert_eq!(
+            help("raw.yaml"),
+            "a file of that name comes with gear: write `@baselines/raw`"
+        );
         assert_eq!(cause(&path("")), "this is a folder");
         assert_eq!(cause(&path("picture.yaml")), "there is no such file");
         std::fs::write(path("picture.yaml"), [0xff, 0xd8, 0xff]).unwrap();

@@ -43,6 +43,7 @@ pub use library::{GraphFile, Library, Unreadable};
 pub use mistakes::{Mistakes, Source};
 pub use schema::schema;
 pub use snapshots::{GraphSnapshot, Norm};
+pub(crate) use suggest::glued;
 pub use suggest::nearest;
 
 use crate::registry::{AnyLoader, AnyNode};

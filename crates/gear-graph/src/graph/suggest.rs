@@ -38,6 +38,16 @@ fn distance(a: &str, b: &str) -> usize {
     above[b.len()]
 }
 
+/// `name:value`, which YAML takes for one word, as it was meant.
+pub(crate) fn glued(key: &str) -> Option<String> {
+    let (name, value) = key.split_once(':')?;
+    let is_name = name.starts_with(char::is_alphabetic)
+        && name
+            .chars()
+            .all(|c| c.is_alphanumeric() || c == '_' || c == '-' || c == '.');
+    (is_name && !value.is_empty()).then(|| format!("a colon is followed by a space: `{name}: {value}`"))
+}
+
 /// A type's name with the article before it.
 pub(crate) fn with_article(name: &str) -> String {
     let article = if name.starts_with(['A', 'E', 'I', 'O', 'U']) {

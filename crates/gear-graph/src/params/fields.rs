@@ -1,7 +1,7 @@
 //! Reading parameters one by one; mistakes are collected, never thrown.
 
 use super::{Limits, Param, ParamKind, Problem, Span, Spanned, Tree, TreeKind, Variant};
-use crate::graph::nearest;
+use crate::graph::{glued, nearest};
 
 /// Where a parameter's reading reports mistakes, and what the parameter is called in messages.
 pub struct Reader<'p> {
@@ -76,7 +76,10 @@ impl Reader<'_> {
                 span,
                 "unknown choice",
             )
-            .maybe_help(nearest(word, variants.iter().map(|v| v.name)).map(|name| format!("did you mean `{name}`?")));
+            .maybe_help(glued(word).or_else(|| {
+                let near = nearest(word, variants.iter().map(|v| v.name));
+                near.map(|name| format!("did you mean `{name}`?"))
+            }));
             self.report(problem);
             return None;
         }
@@ -244,10 +247,11 @@ impl<'t, 'p> Fields<'t, 'p> {
 
 /// The mistake that `owner` has only the parameters `known`.
 pub(crate) fn unknown_parameter(owner: &str, key: &Spanned<String>, known: &[&str]) -> Problem {
-    let help = match nearest(&key.value, known.iter().copied()) {
-        Some(name) => format!("did you mean `{name}`?"),
-        None if known.is_empty() => "it takes no parameters".to_string(),
-        None => format!("its parameters are {}", known.join(", ")),
+    let help = match (glued(&key.value), nearest(&key.value, known.iter().copied())) {
+        (Some(apart), _) => apart,
+        (None, Some(name)) => format!("did you mean `{name}`?"),
+        (None, None) if known.is_empty() => "it takes no parameters".to_string(),
+        (None, None) => format!("its parameters are {}", known.join(", ")),
     };
     Problem::error(
         "unknown-parameter",

@@ -38,6 +38,8 @@ impl Tree {
             TreeKind::Bool(b) => format!("`{b}`"),
             TreeKind::Integer(i) => format!("`{i}`"),
             TreeKind::Float(f) if f.is_finite() && f.abs() >= 1e15 => format!("`{f:e}`"),
+            // `1.0` is no whole number, and must not look like one.
+            TreeKind::Float(f) if f.fract() == 0.0 => format!("`{f:.1}`"),
             TreeKind::Float(f) => format!("`{f}`"),
             TreeKind::Text(text) => format!("the text `{text}`"),
             TreeKind::List(items) if items.is_empty() => "an empty list".into(),

@@ -76,7 +76,9 @@ pub enum RunMistake {
         help: Option<String>,
     },
     /// A required input was not given.
-    #[error("the graph needs the input `{name}` ({type_name}), which was not given")]
+    #[error(
+        "the graph needs the input `{name}` ({type_name}), which was not given; give it with `--input {name}=FILE`"
+    )]
     MissingInput {
         /// Its name.
         name: String,

@@ -12,6 +12,8 @@ use crate::{Problem, Severity, Span, Spanned};
 
 /// How many wires of a loop are shown in the file; the message names them all, as far as it can be read.
 const SHOWN: usize = 20;
+/// How many loops are told: each costs a walk through the graph.
+const LOOPS: usize = 100;
 
 /// All sites in an order of work that keeps to the order of the file where it can, or the loops that prevent one.
 pub(super) fn order(
@@ -52,18 +54,41 @@ pub(super) fn order(
     if order.len() == sites {
         return Some(order);
     }
-    // `kosaraju_scc` does not recurse; `tarjan_scc` does, and overflows at 100,000 nodes.
-    for component in kosaraju_scc(&dag) {
-        let looped = component.len() > 1 || dag.contains_edge(component[0], component[0]);
-        if looped {
-            problems.push(cycle(file, &dag, &component));
+    // A loop is told, its last wire is taken out, and what still goes round is looked for again: who removes a wire of
+    // every loop that is told has an order of work, unless loops overlap so that he removed another one.
+    let mut told = 0;
+    loop {
+        // `kosaraju_scc` does not recurse; `tarjan_scc` does, and overflows at 100,000 nodes.
+        let knots: Vec<_> = kosaraju_scc(&dag)
+            .into_iter()
+            .filter(|component| component.len() > 1 || dag.contains_edge(component[0], component[0]))
+            .collect();
+        for knot in &knots {
+            if told < LOOPS {
+                let path = shortest_loop(&dag, knot);
+                problems.push(cycle(file, &path));
+                cut(&mut dag, &path);
+            }
+            told += 1;
+        }
+        if knots.is_empty() || told >= LOOPS {
+            return None;
         }
     }
-    None
+}
+
+/// Takes out every wire from the last node of a loop to its first.
+fn cut(dag: &mut DiGraph<(), ()>, path: &[NodeIndex]) {
+    let (Some(first), Some(last)) = (path.first(), path.last()) else {
+        return;
+    };
+    while let Some(edge) = dag.find_edge(*last, *first) {
+        dag.remove_edge(edge);
+    }
 }
 
 /// The shortest loop through the first node (by place in the file) of a strongly connected component.
-fn cycle(file: &File<'_>, dag: &DiGraph<(), ()>, component: &[NodeIndex]) -> Problem {
+fn shortest_loop(dag: &DiGraph<(), ()>, component: &[NodeIndex]) -> Vec<NodeIndex> {
     let members: std::collections::BTreeSet<_> = component.iter().copied().collect();
     let start = *members.first().expect("a component has members");
     // Breadth first from the start until it is reached again; `before` remembers the way.
@@ -91,6 +116,11 @@ fn cycle(file: &File<'_>, dag: &DiGraph<(), ()>, component: &[NodeIndex]) -> Pro
         path.push(*at);
     }
     path[1..].reverse();
+    path
+}
+
+/// The nodes of this loop wait for each other.
+fn cycle(file: &File<'_>, path: &[NodeIndex]) -> Problem {
     // Only nodes can be in a loop: inputs have no wires into them.
     let node = |site: &NodeIndex| &file.nodes[site.index() - file.inputs.len()];
     let mut names: Vec<_> = path.iter().map(|site| node(site).id.value.as_str()).collect();

@@ -2,7 +2,7 @@
 
 use super::Names;
 use crate::graph::file::{File, FileNode, Wiring};
-use crate::graph::suggest::with_article;
+use crate::graph::suggest::{glued, with_article};
 use crate::graph::{GraphInput, Wire, nearest};
 use crate::{NodeSpec, Problem, Spanned};
 
@@ -25,10 +25,15 @@ impl Checker<'_, '_> {
             let port = spec.map(|spec| spec.inputs.iter().position(|port| port.name == key.value));
             if let (Some(None), Some(spec)) = (port, spec) {
                 let names = spec.inputs.iter().map(|port| port.name);
-                let help = match nearest(&key.value, names.clone()) {
-                    Some(name) => format!("did you mean `{name}`?"),
-                    None if spec.inputs.is_empty() => "it has no input ports".to_string(),
-                    None => format!("its input ports are {}", names.collect::<Vec<_>>().join(", ")),
+                let meant = key.value.split(':').next().unwrap_or_default();
+                if let Some(meant) = spec.inputs.iter().position(|port| port.name == meant) {
+                    given |= 1 << meant; // the space that is missing is mistake enough
+                }
+                let help = match (glued(&key.value), nearest(&key.value, names.clone())) {
+                    (Some(apart), _) => apart,
+                    (None, Some(name)) => format!("did you mean `{name}`?"),
+                    (None, None) if spec.inputs.is_empty() => "it has no input ports".to_string(),
+                    (None, None) => format!("its input ports are {}", names.collect::<Vec<_>>().join(", ")),
                 };
                 let mut problem = Problem::error(
                     "unknown-port",
@@ -251,7 +256,12 @@ impl Checker<'_, '_> {
         let (message, help) = match port {
             None if self.names.nodes.contains_key(name) => (
                 format!("`{name}` is a node, not one of its outputs"),
-                Some(format!("write {}", outputs_of(name).join(" or "))),
+                Some(match outputs_of(name) {
+                    outputs if outputs.is_empty() => {
+                        format!("write `{name}.OUTPUT`; what its outputs are shows once its type is known")
+                    }
+                    outputs => format!("write {}", outputs.join(" or ")),
+                }),
             ),
             None => {
                 let names = self.names.inputs.keys().chain(self.names.nodes.keys());

@@ -51,6 +51,16 @@ outputs: {y: m.length, x: x}
     insta::assert_snapshot!(source.check_for_files(&registry()).unwrap_err());
 }
 
+/// To a schema `1.0` is 1.
+#[test]
+fn a_version_with_a_point_is_shown_with_it() {
+    let told = mistakes("gear: 1.0\ninputs: {x: Number}\noutputs: {y: x}\n").render(false);
+    assert!(
+        told.contains("found `1.0`") && told.contains("write `gear: 1`"),
+        "{told}"
+    );
+}
+
 #[test]
 fn the_guide_lists_every_cause() {
     let guide = include_str!("../../../../../docs/src/graphs.md");
@@ -143,6 +153,29 @@ nodes:
   alone: {node: Add, in: {of: alone.sum}}
 outputs: {y: c.sum, z: alone.sum}
 ";
+    loops_that_share_a_node: "gear: 1
+inputs: {x: Number}
+nodes:
+  a: {node: Add, in: {of: [x, b.sum]}}
+  b: {node: Add, in: {of: [a.sum, c.sum]}}
+  c: {node: Add, in: {of: [b.sum, d.sum]}}
+  d: {node: Add, in: {of: c.sum}}
+outputs: {y: d.sum}
+";
+    an_output_of_an_unknown_type: "gear: 1
+inputs: {x: Number}
+nodes:
+  a: {node: Blur, in: {of: x}}
+outputs: {y: a}
+";
+    keys_of_other_programs: "gear: 1
+inputs: {x: {kind: Number}}
+nodes:
+  a: {node: Add, inputs: {of: x}, params: {plus: 1}}
+  b: {node: Add, in: {of: x, with: {plus: 1}}}
+  c: {type: Add, in: {of: x}}
+outputs: {y: a.sum, z: b.sum, w: c.sum}
+";
     missing_node_type: "gear: 1
 inputs: {x: Number}
 nodes:
@@ -153,8 +186,11 @@ outputs: {y: x}
 inputs: {x: Number}
 nodes:
   a: {node:Add, in: {of: x}}
-outputs: {y: x}
+  b: {node: Add, in: {of:x}, with: {plus:1}}
+  c: {node: Choose, in: {a: x, b: x}, with: {when: above:1}}
+outputs: {y: x, z:b.sum}
 ";
+
     missing_parameter: "gear: 1
 inputs: {x: Number}
 nodes:
