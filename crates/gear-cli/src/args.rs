@@ -206,7 +206,7 @@ pub struct RunArgs {
     #[arg(long)]
     pub force: bool,
     /// Finish, and write, everything that does not depend on a node that failed or on a file that cannot be used; this
-    /// is so unless --fail-fast is given
+    /// is so unless --fail-fast is given. Run also if a plugin is known to be missing
     #[arg(long, conflicts_with = "fail_fast")]
     pub keep_going: bool,
     /// Start nothing more once a node has failed
@@ -229,6 +229,9 @@ pub struct WhyArgs {
     /// The node or input, or one output of a node
     #[arg(value_name = "NODE[.PORT]")]
     pub node: String,
+    /// Show also every value in which inputs differ
+    #[arg(long)]
+    pub values: bool,
     /// For people, or for programs
     #[arg(long, value_enum, default_value_t = TextFormat::Text)]
     pub format: TextFormat,

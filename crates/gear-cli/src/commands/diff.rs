@@ -23,6 +23,9 @@ pub struct DiffArgs {
     /// Where values are looked up [default: the store of each run, if it is there, then its folder]
     #[arg(long, value_name = "DIR")]
     pub store: Option<PathBuf>,
+    /// Show every number that differs in reports, not only the largest differences
+    #[arg(long)]
+    pub all: bool,
     /// For people, or for programs
     #[arg(long, value_enum, default_value_t = TextFormat::Text)]
     pub format: TextFormat,
@@ -35,7 +38,7 @@ pub fn diff(args: &DiffArgs, registry: &Registry, console: &Console) -> Result<E
     let (a, b) = (Record::open(&args.a)?, Record::open(&args.b)?);
     let comparison = compare(&a, &b, &Values::of(&a, &b, args.store.as_deref(), registry));
     match args.format {
-        TextFormat::Text => console.result(text::text(&comparison).trim_end()),
+        TextFormat::Text => console.result(text::text(&comparison, args.all).trim_end()),
         TextFormat::Json => {
             let json = serde_json::to_string_pretty(&comparison).map_err(|error| CliError::Encode {
                 output: "comparison".to_owned(),

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde::Serialize;
 
 use super::outputs::{OutputDifference, Values};
-use super::record::{NodeRecord, Record};
+use super::record::{self, NodeRecord, Record};
 
 /// What differs between two runs.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -195,10 +195,8 @@ fn changes(a: &Option<NodeRecord>, b: &Option<NodeRecord>) -> Vec<Changed> {
     };
     change("made by", &a.made_by, &b.made_by);
     change("source", &a.source, &b.source);
-    let names: BTreeSet<&String> = a.params.keys().chain(b.params.keys()).collect();
-    let value = |node: &NodeRecord, name: &str| node.params.get(name).cloned().unwrap_or_default();
-    for name in names {
-        change(name, &value(a, name), &value(b, name));
+    for (name, a, b) in record::changes(&a.params, &b.params) {
+        change(&name, &a, &b);
     }
     changes
 }

@@ -4,6 +4,7 @@
 //! (fields, scenes, reports, numbers). Pictures in the folder are rounded to 8 bits and serve when the store has lost
 //! the value; the comparison says so.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use gear_graph::{AnyValue, Digest, Registry, Store};
@@ -12,9 +13,6 @@ use serde::Serialize;
 
 use super::record::{OutputRecord, Record};
 use crate::norms::{between, numbers};
-
-/// Numbers of a report that are told: the rest is counted.
-const MOST_NUMBERS: usize = 40;
 
 /// An output in both runs.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -28,7 +26,8 @@ pub struct OutputDifference {
     pub same: bool,
     /// The norms of the difference: name and value.
     pub norms: Vec<(String, f64)>,
-    /// The numbers in it that differ: place, in the one, in the other.
+    /// The numbers in it that differ: place, in the one, in the other. Those that differ by most of themselves come
+    /// first, those that one run lacks last.
     pub numbers: Vec<(String, Option<f64>, Option<f64>)>,
     /// What else is to be said, such as that one run has no such output.
     pub remark: String,
@@ -131,13 +130,27 @@ impl<'v> Values<'v> {
     }
 }
 
-/// The numbers that differ; at most [`MOST_NUMBERS`].
+/// The numbers that differ, largest differences first.
 fn differing(a: &AnyValue, b: &AnyValue) -> Vec<(String, Option<f64>, Option<f64>)> {
-    let (of_a, of_b) = (numbers(a), numbers(b));
-    let at = |numbers: &[(String, f64)], place: &str| numbers.iter().find(|(p, _)| p == place).map(|(_, n)| *n);
-    let places = of_a
-        .iter()
-        .chain(of_b.iter().filter(|(place, _)| at(&of_a, place).is_none()));
-    let differing = places.map(|(place, _)| (place.clone(), at(&of_a, place), at(&of_b, place)));
-    differing.filter(|(_, a, b)| a != b).take(MOST_NUMBERS).collect()
+    let of = |value: &AnyValue| -> BTreeMap<String, f64> { numbers(value).into_iter().collect() };
+    let (map_a, map_b) = (of(a), of(b));
+    let places = numbers(a)
+        .into_iter()
+        .chain(numbers(b).into_iter().filter(|(place, _)| !map_a.contains_key(place)));
+    let all = places.map(|(place, _)| {
+        let (a, b) = (map_a.get(&place).copied(), map_b.get(&place).copied());
+        (place, a, b)
+    });
+    let mut all: Vec<_> = all.filter(|(_, a, b)| a != b).collect();
+    all.sort_by(|x, y| share(y.1, y.2).total_cmp(&share(x.1, x.2)));
+    all
+}
+
+/// By how much of the larger one two numbers differ; negative if there is only one.
+fn share(a: Option<f64>, b: Option<f64>) -> f64 {
+    match (a, b) {
+        (Some(a), Some(b)) if a.abs().max(b.abs()) > 0.0 => (b - a).abs() / a.abs().max(b.abs()),
+        (Some(_), Some(_)) => 0.0,
+        _ => -1.0,
+    }
 }

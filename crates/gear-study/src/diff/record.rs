@@ -1,7 +1,7 @@
 //! What `run.json` says, as far as it is compared. Whatever a record lacks (one of an older version, or a part that was
 //! edited away) is empty, and not a mistake; what is no record at all is one.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -40,8 +40,8 @@ pub struct NodeRecord {
     pub status: String,
     /// The file or sample of an input.
     pub source: String,
-    /// Parameters, by their places: `method.shading.iterations`.
-    pub params: BTreeMap<String, String>,
+    /// Its parameters: a map, or null.
+    pub params: Value,
     /// Seconds that its computation took, in this run or when it was stored.
     pub seconds: f64,
     /// (key, digest) of every output port.
@@ -127,8 +127,6 @@ fn text(value: &Value) -> String {
 }
 
 fn node(json: &Value) -> NodeRecord {
-    let mut params = BTreeMap::new();
-    flatten(String::new(), &json["params"], &mut params);
     let ports = json["outputs"].as_array().into_iter().flatten();
     let numerics = json["numerics"]
         .as_array()
@@ -147,7 +145,7 @@ fn node(json: &Value) -> NodeRecord {
         ),
         status: text(&json["status"]),
         source: text(&json["source"]),
-        params,
+        params: json["params"].clone(),
         seconds: json["seconds"].as_f64().unwrap_or(0.0),
         ports: ports
             .map(|port| (text(&port["port"]), (text(&port["key"]), text(&port["digest"]))))
@@ -155,23 +153,49 @@ fn node(json: &Value) -> NodeRecord {
     }
 }
 
-/// The leaves of a value by their places. A method without parameters is a leaf as well.
-fn flatten(at: String, value: &Value, leaves: &mut BTreeMap<String, String>) {
-    match value {
-        Value::Object(fields) if !fields.is_empty() => {
-            for (name, value) in fields {
-                let below = if at.is_empty() {
-                    name.clone()
-                } else {
-                    format!("{at}.{name}")
+/// The parameters in which two runs differ, by their places (`method.shading.iterations`), with both values in words. A
+/// method that became another is one change; what one of them lacks is empty.
+pub fn changes(a: &Value, b: &Value) -> Vec<(String, String, String)> {
+    let mut changes = Vec::new();
+    differing(String::new(), Some(a), Some(b), &mut changes);
+    changes
+}
+
+fn differing(at: String, a: Option<&Value>, b: Option<&Value>, changes: &mut Vec<(String, String, String)>) {
+    if a == b {
+        return;
+    }
+    let empty = serde_json::Map::new();
+    let map = |value: Option<&'_ Value>| match value {
+        Some(Value::Object(map)) => Some(map.clone()),
+        None | Some(Value::Null) if at.is_empty() => Some(empty.clone()),
+        _ => None,
+    };
+    match (map(a), map(b)) {
+        (Some(a), Some(b)) if at.is_empty() || a.keys().any(|key| b.contains_key(key)) => {
+            let names: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
+            for name in names {
+                let below = match at.is_empty() {
+                    true => name.clone(),
+                    false => format!("{at}.{name}"),
                 };
-                flatten(below, value, leaves);
+                differing(below, a.get(name), b.get(name), changes);
             }
         }
-        Value::Null if at.is_empty() => {}
-        Value::Object(_) if at.is_empty() => {}
-        other => {
-            leaves.insert(at, text(other));
+        _ => changes.push((at, a.map(words).unwrap_or_default(), b.map(words).unwrap_or_default())),
+    }
+}
+
+/// A value as it is written in a graph.
+fn words(value: &Value) -> String {
+    match value {
+        Value::Null => "null".to_owned(),
+        Value::String(text) => text.clone(),
+        Value::Array(items) => format!("[{}]", items.iter().map(words).collect::<Vec<_>>().join(", ")),
+        Value::Object(fields) => {
+            let fields = fields.iter().map(|(name, value)| format!("{name}: {}", words(value)));
+            format!("{{{}}}", fields.collect::<Vec<_>>().join(", "))
         }
+        other => other.to_string(),
     }
 }

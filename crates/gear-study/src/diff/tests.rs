@@ -59,15 +59,57 @@ fn a_changed_parameter_is_followed_to_the_outputs() {
     assert!(output("sign").same && !output("rounded").same);
     assert_eq!(output("rounded").norms[0], ("max".to_owned(), 2.0));
     assert!(!comparison.same_outputs());
-    let told = text::text(&comparison);
+    let told = text::text(&comparison, false);
     for says in [
         "scaled.factor: 2.0 → 2.5",
         "computed from other things, and the same",
         "rounded (Number): max 2",
-        "1 of 2 outputs",
+        "1 of 2 outputs is the same",
     ] {
         assert!(told.contains(says), "{says} in {told}");
     }
+}
+
+#[test]
+fn a_method_that_became_another_is_one_change() {
+    let (a, b) = (
+        json!({"method": "auto", "size": 3, "inner": {"canny": {"low": 0.1, "high": 0.3}}}),
+        json!({"method": {"box": {"x0": 0.1, "x1": 0.9}}, "size": 3, "inner": {"canny": {"low": 0.2, "high": 0.3}}}),
+    );
+    let told = |a, b| -> Vec<String> {
+        let changes = record::changes(a, b).into_iter();
+        changes.map(|(what, a, b)| format!("{what}: {a} → {b}")).collect()
+    };
+    let expected = ["inner.canny.low: 0.1 → 0.2", "method: auto → {box: {x0: 0.1, x1: 0.9}}"];
+    assert_eq!(told(&a, &b), expected);
+    assert_eq!(told(&json!(null), &json!({"size": 3})), ["size:  → 3"]);
+}
+
+#[test]
+fn of_many_numbers_the_largest_differences_are_told_and_counts_are_whole() {
+    let numbers = (0..100).map(|i| {
+        let b = if i == 50 { 2e6 } else { 1_000_000.0 + f64::from(i) };
+        (format!("count.{i}"), Some(1_000_000.0 - 1.0), Some(b))
+    });
+    let mut numbers: Vec<_> = numbers.collect();
+    numbers.swap(0, 50); // they come sorted
+    let comparison = Comparison {
+        outputs: vec![outputs::OutputDifference {
+            name: "report".to_owned(),
+            type_name: "Report".to_owned(),
+            numbers,
+            ..Default::default()
+        }],
+        ..Comparison::default()
+    };
+    let told = text::text(&comparison, false);
+    assert!(told.contains("count.50: 999999 → 2000000  (+1000001)"), "{told}");
+    assert!(
+        told.contains("… and 80 more numbers differ, by less; --all shows them"),
+        "{told}"
+    );
+    assert_eq!(told.lines().count(), 23, "{told}");
+    assert!(text::text(&comparison, true).contains("count.99"));
 }
 
 #[test]

@@ -4,8 +4,12 @@ use std::fmt::Write;
 
 use super::compare::{Comparison, Fate};
 
-/// Several lines; what is the same is only counted.
-pub fn text(comparison: &Comparison) -> String {
+/// So many numbers of reports are told in all, and so many of each report at least.
+const MOST_NUMBERS: usize = 20;
+const FEW_NUMBERS: usize = 2;
+
+/// Several lines; what is the same is only counted. Of the numbers in reports the largest differences are told, or `all`.
+pub fn text(comparison: &Comparison, all: bool) -> String {
     let mut text = String::new();
     let mut section = |title: &str, lines: Vec<String>| {
         if !lines.is_empty() {
@@ -43,18 +47,27 @@ pub fn text(comparison: &Comparison) -> String {
         .filter(|node| !matches!(node.fate, Fate::Same | Fate::Neither))
         .map(|node| {
             let of = match (node.fate, node.status.0.as_str(), node.status.1.as_str()) {
-                (Fate::OneRun, a, b) => format!(" ({} → {})", or_nothing(a), or_nothing(b)),
+                (Fate::OneRun, a, b) => format!(" ({} → {})", status(a), status(b)),
                 _ => String::new(),
             };
             format!("{:<width$}  {}{of}", node.id, node.fate.words())
         })
         .collect();
     if same > 0 {
-        results.push(format!("{same} nodes and inputs have the same keys and results"));
+        results.push(match same {
+            1 => "1 node or input has the same keys and results".to_owned(),
+            same => format!("{same} nodes and inputs have the same keys and results"),
+        });
     }
     section("results", results);
 
     let mut outputs = Vec::new();
+    let reports = comparison.outputs.iter().filter(|output| !output.numbers.is_empty());
+    let each = match (all, reports.count()) {
+        (true, _) => usize::MAX,
+        (false, reports) => (MOST_NUMBERS / reports.max(1)).max(FEW_NUMBERS),
+    };
+    let mut more = 0;
     for output in comparison.outputs.iter().filter(|output| !output.same) {
         let norms: Vec<_> = output
             .norms
@@ -72,7 +85,8 @@ pub fn text(comparison: &Comparison) -> String {
                 false => said.join("; "),
             }
         ));
-        for (place, a, b) in &output.numbers {
+        more += output.numbers.len().saturating_sub(each);
+        for (place, a, b) in output.numbers.iter().take(each) {
             let told = |n: &Option<f64>| n.map_or("nothing".to_owned(), short);
             let by = match (a, b) {
                 (Some(a), Some(b)) => format!("  ({}{})", if b >= a { "+" } else { "−" }, short((b - a).abs())),
@@ -81,11 +95,15 @@ pub fn text(comparison: &Comparison) -> String {
             outputs.push(format!("  {place}: {} → {}{by}", told(a), told(b)));
         }
     }
+    if more > 0 {
+        outputs.push(format!("… and {more} more numbers differ, by less; --all shows them"));
+    }
     let same = comparison.outputs.iter().filter(|output| output.same).count();
     if same > 0 {
         outputs.push(format!(
-            "{same} of {} outputs are the same to the last bit",
-            comparison.outputs.len()
+            "{same} of {} outputs {} the same to the last bit",
+            comparison.outputs.len(),
+            if same == 1 { "is" } else { "are" }
         ));
     }
     section("outputs", outputs);
@@ -109,12 +127,21 @@ pub fn text(comparison: &Comparison) -> String {
     text
 }
 
-/// Four significant digits.
+/// What became of a node, as other commands say it.
+fn status(of_record: &str) -> String {
+    match of_record {
+        "" => "nothing".to_owned(),
+        "cached" => "stored".to_owned(),
+        other => other.replace('-', " "),
+    }
+}
+
+/// Whole numbers as they are, others with four significant digits.
 fn short(value: f64) -> String {
     let size = value.abs();
-    if value == 0.0 {
-        "0".to_owned()
-    } else if (0.001..100_000.0).contains(&size) {
+    if value.fract() == 0.0 && size < 1e15 {
+        format!("{value:.0}")
+    } else if (0.001..1e15).contains(&size) {
         let mut digits = 0;
         while digits < 6 && size * f64::from(10u32.pow(digits)) < 1000.0 {
             digits += 1;

@@ -171,6 +171,16 @@ pub(super) fn why(run: &Run<'_>, given: &[Given], name: &str) -> Result<Vec<Why>
 }
 
 impl Why {
+    /// The same in words, with every fact in which the values of inputs differ: also the hundreds of a report.
+    pub fn with_values(&self) -> impl std::fmt::Display + '_ {
+        text::WithValues(self)
+    }
+
+    /// Whether [`Why::with_values`] says more.
+    pub fn has_more_values(&self) -> bool {
+        self.to_string() != self.with_values().to_string()
+    }
+
     /// Whether the same is to be said of other outputs of the node. Outputs that were computed by one run may have
     /// taken different times.
     fn says_the_same(&self, other: &Self) -> bool {

@@ -5,8 +5,27 @@ use std::fmt;
 use super::{Difference, EarlierRun, Part, Why};
 use crate::PlannedState;
 
-impl fmt::Display for Why {
+/// Of an input that differs, so many facts are told; of more only the number.
+const FACTS: usize = 4;
+
+/// An explanation with every fact in which inputs differ.
+pub struct WithValues<'w>(pub &'w Why);
+
+impl fmt::Display for WithValues<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.tell(f, true)
+    }
+}
+
+impl fmt::Display for Why {
+    /// Several lines, without the facts of large values.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.tell(f, false)
+    }
+}
+
+impl Why {
+    fn tell(&self, f: &mut fmt::Formatter<'_>, values: bool) -> fmt::Result {
         let own_name = self.outputs == [self.node.as_str()];
         let names: Vec<String> = match own_name {
             true => vec![self.node.clone()],
@@ -72,6 +91,10 @@ impl fmt::Display for Why {
         }
         for difference in &self.differences {
             write!(f, "\n    {difference}")?;
+            if !values && difference.summary.len() > FACTS {
+                write!(f, "\n      {} of its values differ", difference.summary.len())?;
+                continue;
+            }
             for (name, old, new) in &difference.summary {
                 write!(f, "\n      {name}: {old} -> {new}")?;
             }
