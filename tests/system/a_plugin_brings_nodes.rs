@@ -156,6 +156,13 @@ fn graphs_of_plugins_that_are_not_installed_are_checked_and_say_what_to_do() {
     let mut arguments = vec!["run", "@baselines/trellis"];
     arguments.extend(input);
     desk.gear(&arguments)
+        .exits(2)
+        .says("nothing was computed")
+        .says("(Trellis): install it as docs/src/models/trellis.md says")
+        .says("--plugin nodes/python/trellis");
+    assert!(!desk.path("out/foreground.json").exists());
+    arguments.push("--keep-going");
+    desk.gear(&arguments)
         .exits(1)
         .says("`Trellis` is a node of the plugin `trellis`")
         .says("--plugin nodes/python/trellis");

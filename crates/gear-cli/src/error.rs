@@ -127,6 +127,12 @@ pub enum CliError {
         /// Why.
         cause: String,
     },
+    /// The run needs what is not installed.
+    #[error("this run needs nodes of plugins that are not installed; nothing was computed\n{}", .needed.join("\n"))]
+    PluginsAbsent {
+        /// A line a node: what it needs and how to have it.
+        needed: Vec<String>,
+    },
     /// A new node cannot be written.
     #[error(transparent)]
     NewNode(#[from] crate::commands::new_node::Refusal),

@@ -39,7 +39,11 @@ pub fn page(sources: &Sources<'_>) -> Page {
         stages: stages(sources),
         comparisons: comparisons(sources),
         orbit: orbit(sources),
-        curve: sources.reports.get("curve").map(curve).unwrap_or_default(),
+        curve: sources
+            .reports
+            .get("curve")
+            .map(|loss| curve(loss, colours_first(report)))
+            .unwrap_or_default(),
         mask: sources.reports.get("foreground").map(mask).unwrap_or_default(),
         measures: sources.reports.get("metrics").map(measures).unwrap_or_default(),
         costs: costs(report),
@@ -235,6 +239,10 @@ fn comparisons(sources: &Sources<'_>) -> Vec<Comparison> {
             }
         }
     }
+    // Alone they are before nothing.
+    if let [(heading, _)] = &mut columns[..] {
+        *heading = "views".to_owned();
+    }
     let Some((_, first)) = columns.first() else {
         return Vec::new();
     };
@@ -283,8 +291,16 @@ fn orbit(sources: &Sources<'_>) -> Vec<Picture> {
     frames.into_iter().map(|(_, picture)| picture).collect()
 }
 
+/// The steps of a refinement in which only colours move, which come before its `iterations`.
+fn colours_first(report: &RunReport) -> u64 {
+    let refine = report.nodes.iter().find(|node| node.type_name == "Refine");
+    refine
+        .and_then(|node| node.params.get("color_iterations")?.as_u64())
+        .unwrap_or(0)
+}
+
 /// The loss in a report `{"loss": [...]}`, whose entries are numbers, or objects with `iteration` and `loss`.
-fn curve(report: &Value) -> Curve {
+fn curve(report: &Value, colours_first: u64) -> Curve {
     let entries = report["loss"].as_array().or_else(|| report["curve"].as_array());
     let points = entries
         .into_iter()
@@ -299,7 +315,10 @@ fn curve(report: &Value) -> Curve {
             number => Some((i as f64, number.as_f64()?)),
         });
     Curve {
-        step: "iteration".into(),
+        step: match colours_first {
+            0 => "iteration".into(),
+            first => format!("iteration (the first {first} move colours only)"),
+        },
         quantity: "loss".into(),
         points: points.collect(),
     }
@@ -326,7 +345,8 @@ fn mask(report: &Value) -> Vec<Measure> {
         meaning: words::mode(mode).to_owned(),
     }];
     for (pointer, name, meaning) in DOUBTS {
-        if let Some(value) = report.pointer(pointer) {
+        // Of a mask that was given nothing is measured.
+        if let Some(value) = report.pointer(pointer).filter(|value| !value.is_null()) {
             all.push(measure(name, value, "", meaning));
         }
     }
@@ -402,8 +422,11 @@ mod tests {
 
     #[test]
     fn a_curve_is_read_from_numbers_or_objects() {
-        let plain = curve(&json!({"loss": [0.5, 0.25]}));
-        let told = curve(&json!({"loss": [{"iteration": 0, "loss": 0.5}, {"iteration": 1, "loss": 0.25}]}));
+        let plain = curve(&json!({"loss": [0.5, 0.25]}), 0);
+        let told = curve(
+            &json!({"loss": [{"iteration": 0, "loss": 0.5}, {"iteration": 1, "loss": 0.25}]}),
+            0,
+        );
         assert_eq!(plain.points, [(0.0, 0.5), (1.0, 0.25)]);
         assert_eq!(plain, told);
     }

@@ -53,8 +53,14 @@ pub fn shipped_plugins() -> &'static [ShippedPlugin] {
 }
 
 impl ShippedPlugin {
+    /// The plugin that a node type says to be of, if it is one that comes with gear and is not installed.
+    pub(crate) fn absent(of_type: Option<&str>) -> Option<&'static Self> {
+        let name = of_type?.strip_suffix(", not installed")?;
+        shipped_plugins().iter().find(|plugin| plugin.name == name)
+    }
+
     /// How to have it, in a sentence.
-    fn install(&self) -> String {
+    pub(crate) fn install(&self) -> String {
         let Self { folder, chapter, .. } = self;
         format!("install it as {chapter} says, and name its folder: --plugin {folder}")
     }
@@ -208,6 +214,7 @@ mod tests {
                 spec.plugin.is_some_and(|plugin| plugin.ends_with("not installed")),
                 "{name}"
             );
+            assert!(ShippedPlugin::absent(spec.plugin).is_some(), "{name}");
             let ports = spec.inputs.iter().chain(&spec.outputs).map(|port| port.doc);
             let docs = ports.chain(spec.params.iter().map(|param| param.doc)).chain([spec.doc]);
             docs.for_each(|doc| assert!(!doc.trim().is_empty(), "{name} says nothing of something"));

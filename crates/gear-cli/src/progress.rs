@@ -116,7 +116,15 @@ impl Progress {
 /// The line that tells of a node that is done; one of what is stored, however many outputs that are.
 fn line(event: &Event<'_>, told: &mut BTreeSet<String>) -> Option<String> {
     let (node, what) = match event {
-        Event::Ran { node, seconds } => (*node, format!("{seconds:.2} s")),
+        Event::Ran { node, seconds } => {
+            // An output that was asked for later is computed by itself.
+            let again = if told.insert((*node).to_owned()) {
+                ""
+            } else {
+                " for another output"
+            };
+            (*node, format!("{seconds:.2} s{again}"))
+        }
         Event::Hit { node, .. } if told.insert((*node).to_owned()) => (*node, "stored".to_owned()),
         Event::Failed { failure } => (failure.node.as_str(), "failed".to_owned()),
         Event::Skipped { node, because_of } => (*node, format!("skipped, because `{because_of}` failed")),
@@ -150,5 +158,9 @@ mod tests {
             seconds: 0.125,
         };
         assert_eq!(line(&ran, &mut told).as_deref(), Some("ratio: 0.12 s"));
+        assert_eq!(
+            line(&ran, &mut told).as_deref(),
+            Some("ratio: 0.12 s for another output")
+        );
     }
 }

@@ -149,7 +149,11 @@ impl std::str::FromStr for Size {
         match text.split_once('x') {
             None => {
                 let longer = side(text)?;
-                check_size(longer, 1)?;
+                if longer == 0 || longer > MOST_SIDE {
+                    return Err(format!(
+                        "found `{text}`; expected a longer side from 1 to {MOST_SIDE} pixels"
+                    ));
+                }
                 Ok(Self::Longer(longer))
             }
             Some((width, height)) => {

@@ -1,6 +1,7 @@
 //! Bytes and times, as people write and read them.
 
-/// Reads `123`, `64KiB`, `1.5 GB`: bytes, powers of 1024 with `i`, powers of 1000 without.
+/// Reads `64KiB`, `1.5 GB`, `123B`: bytes, powers of 1024 with `i`, powers of 1000 without. A number alone is bytes, and
+/// refused below 1 MiB (0 apart).
 pub fn parse(text: &str) -> Result<u64, String> {
     let text = text.trim();
     let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
@@ -20,6 +21,12 @@ pub fn parse(text: &str) -> Result<u64, String> {
     };
     let number: f64 = number.trim().parse().map_err(|_| expected())?;
     let bytes = number * factor;
+    // Who writes `2` means gigabytes more often than bytes.
+    if unit.is_empty() && bytes > 0.0 && bytes < 1024.0 * 1024.0 {
+        return Err(format!(
+            "`{text}` has no unit; write `{text}GiB` or `{text}MiB`, and `{text}B` for bytes"
+        ));
+    }
     if bytes.is_finite() && (0.0..1e18).contains(&bytes) {
         Ok(bytes as u64)
     } else {
@@ -44,6 +51,11 @@ pub fn bytes(bytes: u64) -> String {
     }
 }
 
+/// `1 node`, `2 nodes`.
+pub fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
 /// How long ago, in one unit: `3 hours`.
 pub fn span(seconds: u64) -> String {
     let (count, unit) = match seconds {
@@ -52,7 +64,7 @@ pub fn span(seconds: u64) -> String {
         3600..86_400 => (seconds / 3600, "hour"),
         _ => (seconds / 86_400, "day"),
     };
-    format!("{count} {unit}{}", if count == 1 { "" } else { "s" })
+    counted(usize::try_from(count).unwrap_or(usize::MAX), unit)
 }
 
 #[cfg(test)]
@@ -62,7 +74,10 @@ mod tests {
     #[test]
     fn sizes_read_as_people_write_them() {
         assert_eq!(parse("0"), Ok(0));
-        assert_eq!(parse("123"), Ok(123));
+        assert_eq!(parse("123B"), Ok(123));
+        assert_eq!(parse("2000000"), Ok(2_000_000));
+        let told = parse("2").unwrap_err();
+        assert!(told.contains("`2GiB`") && told.contains("`2B`"), "{told}");
         assert_eq!(parse("64KiB"), Ok(65_536));
         assert_eq!(parse("1.5 GB"), Ok(1_500_000_000));
         assert_eq!(parse("2g"), Ok(2 << 30));

@@ -134,9 +134,9 @@ fn told(stat: &StoreStat, store: &Store) -> Vec<String> {
 fn gc(store: &Store, limit: u64, console: &Console) -> Result<Exit, CliError> {
     let collected = store.gc(limit).map_err(failed(store))?;
     console.result(&format!(
-        "{}: {} files removed ({}), {} left",
+        "{}: {} removed ({}), {} left",
         store.path().display(),
-        collected.files,
+        sizes::counted(collected.files, "file"),
         sizes::bytes(collected.bytes),
         sizes::bytes(collected.left)
     ));
@@ -167,9 +167,13 @@ fn verify(store: &Store, repair: bool, registry: &Registry, console: &Console) -
     let path = store.path().display();
     console.result(&match (verified.problems.len(), repair) {
         (0, _) => format!("{path}: all is well: {read}"),
-        (bad, true) => format!("{path}: {bad} problems, and removed; good are {read}"),
+        (bad, true) => format!(
+            "{path}: {}, and removed; good are {read}",
+            sizes::counted(bad, "problem")
+        ),
         (bad, false) => {
-            format!("{path}: {bad} problems; good are {read}; `gear cache verify --repair` removes what is bad")
+            let bad = sizes::counted(bad, "problem");
+            format!("{path}: {bad}; good are {read}; `gear cache verify --repair` removes what is bad")
         }
     });
     Ok(match (verified.problems.is_empty(), repair) {
@@ -181,16 +185,17 @@ fn verify(store: &Store, repair: bool, registry: &Registry, console: &Console) -
 fn clear(store: &Store, console: &Console) -> Result<Exit, CliError> {
     let collected = store.clear().map_err(failed(store))?;
     console.result(&format!(
-        "{}: {} files removed ({})",
+        "{}: {} removed ({})",
         store.path().display(),
-        collected.files,
+        sizes::counted(collected.files, "file"),
         sizes::bytes(collected.bytes)
     ));
     Ok(Exit::Done)
 }
 
 fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
-    let store = Store::look_at(existing(&args.store)?);
+    let store_path = existing(&args.store)?;
+    let store = Store::look_at(store_path.clone());
     let archived = match &args.graph {
         None => store.export(&args.file).map_err(CliError::Archive)?,
         Some(graph) => {
@@ -223,6 +228,15 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
             archived
         }
     };
+    if archived.records == 0 && archived.contents == 0 {
+        console.warning(&format!(
+            "nothing was exported: {}",
+            match &args.graph {
+                None => format!("the store {} is empty", store_path.display()),
+                Some(graph) => format!("the store {} holds nothing of {graph}", store_path.display()),
+            }
+        ));
+    }
     if archived.lost > 0 {
         console.warning(&format!(
             "{} results are known by their digests only and are not in the archive: they were collected or damaged; \

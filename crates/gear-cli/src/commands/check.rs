@@ -8,6 +8,7 @@ use crate::commands::study;
 use crate::console::Console;
 use crate::error::{CliError, Exit};
 use crate::graphs;
+use crate::sizes::counted;
 
 /// The version of what `--format json` writes.
 const FORMAT: u32 = 1;
@@ -26,11 +27,11 @@ pub fn check(args: &CheckArgs, registry: &Registry, console: &Console) -> Result
         console.remark(graph.warnings().render(console.colour()).trim_end());
     }
     console.result(&format!(
-        "{}: no mistakes; {} inputs, {} nodes, {} outputs",
+        "{}: no mistakes; {}, {}, {}",
         graph.name(),
-        graph.inputs().len(),
-        graph.nodes().len(),
-        graph.outputs().len()
+        counted(graph.inputs().len(), "input"),
+        counted(graph.nodes().len(), "node"),
+        counted(graph.outputs().len(), "output")
     ));
     Ok(Exit::Done)
 }

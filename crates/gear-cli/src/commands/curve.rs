@@ -15,6 +15,7 @@ use crate::console::Console;
 use crate::error::{CliError, Exit};
 use crate::folder::Folder;
 use crate::graphs;
+use crate::sizes::counted;
 
 /// `gear curve`.
 #[derive(Debug, Args)]
@@ -24,15 +25,23 @@ pub struct CurveArgs {
     /// Where table and diagram go; made if it is not there
     #[arg(long, value_name = "DIR", default_value = "curves")]
     pub out: PathBuf,
+    /// Tell what would be timed, and measure nothing
+    #[arg(long)]
+    pub dry_run: bool,
     /// How and where it runs.
     #[command(flatten)]
     pub machine: Machine,
 }
 
 pub fn curve(args: &CurveArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
-    let folder = Folder::probe(&args.out)?;
     let library = graphs::library();
     let text = library.read(&args.curve)?;
+    if args.dry_run && !args.curve.ends_with(".csv") {
+        let plan = Plan::read(&args.curve, &text, &library, registry, &Painter).map_err(CliError::Graph)?;
+        forecast(&plan, console);
+        return Ok(Exit::Done);
+    }
+    let folder = Folder::probe(&args.out)?;
     let name = Path::new(args.curve.trim_start_matches('@')).file_stem();
     let name = name.unwrap_or_default().to_string_lossy().into_owned();
     let curve = match args.curve.ends_with(".csv") {
@@ -69,6 +78,31 @@ pub fn curve(args: &CurveArgs, registry: &Registry, console: &Console) -> Result
         Err(why) => console.remark(&why),
     }
     Ok(Exit::Done)
+}
+
+/// What would be timed.
+fn forecast(plan: &Plan, console: &Console) {
+    let runs = plan.settings.len() * (plan.warm_up + plan.repeats);
+    console.result(&format!(
+        "{}, each run {} for the clock after {} to warm up: {} in all, and one of the reference",
+        counted(plan.settings.len(), "setting"),
+        counted(plan.repeats, "time"),
+        plan.warm_up,
+        counted(runs, "run"),
+    ));
+    console.result(&format!("timed      {}", plan.time.join(", ")));
+    let of = std::iter::once(&plan.output).chain(&plan.path).map(String::as_str);
+    console.result(&format!(
+        "error      {} of {}",
+        plan.norm.name(),
+        of.collect::<Vec<_>>().join(".")
+    ));
+    console.result(&format!("reference  {}", plan.reference.label));
+    console.result("settings");
+    for setting in &plan.settings {
+        let shipped = if setting.default { "  (the default)" } else { "" };
+        console.result(&format!("  {}{shipped}", setting.label));
+    }
 }
 
 fn measure(plan: &Plan, machine: &Machine, console: &Console) -> Result<Curve, CliError> {

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use gear_graph::{Cancel, Event, FailureKind, Graph, Registry, RunReport, RunStatus};
+use gear_graph::{Cancel, Event, FailureKind, Graph, PlannedState, Registry, Run, RunReport, RunStatus};
 
 use crate::args::RunArgs;
 use crate::artefacts::Artefacts;
@@ -17,6 +17,7 @@ use crate::error::{CliError, Exit};
 use crate::folder::{Folder, RECORD};
 use crate::gallery::Gallery;
 use crate::inputs;
+use crate::plugins::ShippedPlugin;
 use crate::progress::{Progress, Show};
 use crate::results::{PAGE, Place, Results, foreseen};
 
@@ -29,6 +30,9 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
     let folder = Folder::probe(&args.out)?;
     spare_what_is_read(&folder, args, &graph)?;
     spare_what_is_there(&folder, args, &graph)?;
+    if !args.keep_going {
+        refuse_what_is_absent(&run, &graph)?;
+    }
     let artefacts = Arc::new(Artefacts::new(store.clone()));
     let gallery = Arc::new(Gallery::open(Arc::clone(&artefacts)));
     let progress = Arc::new(Progress::new(how_to_show(args.quiet, console)));
@@ -104,6 +108,32 @@ pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exi
         (false, RunStatus::Done) if missing.is_empty() => Exit::Done,
         (false, _) => Exit::Failed,
     })
+}
+
+/// Refuses a run that would come to a node of a plugin that is not installed. Only a graph that has one is planned.
+fn refuse_what_is_absent(run: &Run<'_>, graph: &Graph) -> Result<(), CliError> {
+    let absent: Vec<_> = graph
+        .nodes()
+        .iter()
+        .filter_map(|node| Some((node, ShippedPlugin::absent(node.spec.plugin)?)))
+        .collect();
+    if absent.is_empty() {
+        return Ok(());
+    }
+    let plan = run.plan().map_err(CliError::Run)?;
+    let state = |id: &str| plan.node(id).map(|node| node.state);
+    let needs = |wanted: PlannedState, remark: &str| -> Vec<String> {
+        let needed = absent.iter().filter(|(node, _)| state(&node.id) == Some(wanted));
+        needed
+            .map(|(node, plugin)| format!("  {} ({}){remark}: {}", node.id, node.spec.name, plugin.install()))
+            .collect()
+    };
+    let mut needed = needs(PlannedState::Runs, "");
+    if needed.is_empty() {
+        return Ok(()); // what only may run is found out by running
+    }
+    needed.extend(needs(PlannedState::MayRun, ", which may run"));
+    Err(CliError::PluginsAbsent { needed })
 }
 
 /// Whether an output is asked for.

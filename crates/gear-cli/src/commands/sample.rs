@@ -57,14 +57,19 @@ pub fn sample(args: &SampleArgs, console: &Console) -> Result<Exit, CliError> {
 
 /// What there is, for people.
 fn families() -> Vec<String> {
-    let mut lines = vec![format!(
-        "{:28}motifs with names of their own",
-        gear_sample::names().join(", ")
+    let mut scenes = vec![(
+        gear_sample::names().join(", "),
+        "motifs with names of their own".to_owned(),
     )];
     for family in Family::ALL {
-        let scenes = format!("{0}-1 … {0}-{BENCHMARK_SCENES}", family.name());
-        lines.push(format!("{scenes:28}{}", family.about()));
+        let names = format!("{0}-1 … {0}-{BENCHMARK_SCENES}", family.name());
+        scenes.push((names, family.about().to_string()));
     }
+    let width = scenes.iter().map(|(names, _)| names.chars().count()).max().unwrap_or(0);
+    let mut lines: Vec<String> = scenes
+        .iter()
+        .map(|(names, about)| format!("{names:<width$}  {about}"))
+        .collect();
     lines.push(format!("lights: {}", LIGHTS.map(|(name, _)| name).join(", ")));
     lines.push(
         "as input: sample:NAME,condition=photo|paint|flat,light=LIGHT,seed=N,background=plain|textured|bordered".into(),

@@ -12,6 +12,7 @@ use crate::args::{GraphArgs, TextFormat};
 use crate::console::Console;
 use crate::error::{CliError, Exit};
 use crate::graphs;
+use crate::sizes::counted;
 
 /// `gear stress`.
 #[derive(Debug, Args)]
@@ -98,7 +99,11 @@ pub fn stress(args: &StressArgs, registry: &Registry, console: &Console) -> Resu
     let surprises = rows.iter().filter(|row| row.surprise.is_some()).count();
     match args.format {
         TextFormat::Json => console.result(&format!("{:#}", stress::json(&rows))),
-        TextFormat::Text => console.remark(&format!("{} cases, {surprises} surprises", rows.len())),
+        TextFormat::Text => console.remark(&format!(
+            "{}, {}",
+            counted(rows.len(), "case"),
+            counted(surprises, "surprise")
+        )),
     }
     Ok(if surprises > 0 { Exit::Failed } else { Exit::Done })
 }

@@ -268,6 +268,30 @@ impl RunReport {
     }
 }
 
+/// The facts of a summary that are one number or word, or few of them, in words; what is nested is in the record.
+fn plain(summary: &Summary) -> String {
+    use serde_json::Value;
+    let simple = |value: &Value| match value {
+        Value::String(text) => Some(text.clone()),
+        Value::Bool(_) | Value::Number(_) => Some(value.to_string()),
+        _ => None,
+    };
+    let facts = summary.iter().filter_map(|(name, value)| {
+        let told = match value {
+            Value::Array(items) if items.len() <= 4 => {
+                items.iter().map(simple).collect::<Option<Vec<_>>>()?.join(" × ")
+            }
+            value => simple(value)?,
+        };
+        Some(format!("{name} {told}"))
+    });
+    let facts: String = facts.collect::<Vec<_>>().join(", ");
+    match facts.char_indices().nth(160) {
+        Some((end, _)) => format!("{}…", &facts[..end]),
+        None => facts,
+    }
+}
+
 impl std::fmt::Display for Failure {
     /// Several lines: what failed, the causes, the inputs.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -286,13 +310,11 @@ impl std::fmt::Display for Failure {
             write!(f, "{lead}{cause}")?;
         }
         for input in &self.inputs {
-            let summary = serde_json::Value::Object(input.summary.clone()).to_string();
-            let short: String = summary.chars().take(200).collect();
-            write!(
-                f,
-                "\n  {}: {} from {} {short}",
-                input.port, input.type_name, input.source
-            )?;
+            write!(f, "\n  {}: {} from {}", input.port, input.type_name, input.source)?;
+            let facts = plain(&input.summary);
+            if !facts.is_empty() {
+                write!(f, ", {facts}")?;
+            }
         }
         Ok(())
     }

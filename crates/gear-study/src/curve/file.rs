@@ -21,7 +21,7 @@ use crate::overlay::Overlay;
 use crate::read::{Entries, Reader, did_you_mean, get};
 use crate::study::Samples;
 use crate::study::cases::Source;
-use crate::study::file::{folder_of, version};
+use crate::study::file::{folder_of, of_kind, version};
 
 /// The version of curve files that is read.
 pub const CURVE_VERSION: i64 = 1;
@@ -165,6 +165,7 @@ fn read(
     reader: &mut Reader,
 ) -> Option<Plan> {
     let top = reader.map(tree, "a curve file")?;
+    of_kind(top, "curve", tree, reader)?;
     reader.keys(top, "a curve file", &KEYS);
     version(top, "curve", CURVE_VERSION, tree, reader);
     let needed = |key: &str, reader: &mut Reader| {

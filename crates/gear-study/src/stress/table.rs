@@ -20,7 +20,7 @@ impl Outcome {
 
 /// A row in one line of columns.
 pub fn text(row: &Row) -> String {
-    let mut line = format!("{:<13} {:<42} {:<8}", row.node, row.case, row.outcome.word());
+    let mut line = format!("{:<16} {:<50} {:<8}", row.node, row.case, row.outcome.word());
     match &row.extent {
         Some(extent) => {
             let _ = write!(line, " {:<34}", of_extent(extent));

@@ -154,6 +154,7 @@ fn read(
     reader: &mut Reader,
 ) -> Option<Study> {
     let top = reader.map(tree, "a study file")?;
+    of_kind(top, "study", tree, reader)?;
     let known: Vec<&str> = KEYS.into_iter().chain(MORE_KEYS).collect();
     reader.keys(top, "a study file", &known);
     version(top, "study", STUDY_VERSION, tree, reader);
@@ -264,6 +265,40 @@ pub(crate) fn folder_of(name: &str) -> std::path::PathBuf {
             _ => Path::new(".").to_path_buf(),
         },
     }
+}
+
+/// Whether the file is what it is taken for. One that says to be something else is one mistake, and not many.
+pub(crate) fn of_kind(top: &Entries, kind: &str, tree: &Tree, reader: &mut Reader) -> Option<()> {
+    const KINDS: [(&str, &str, &str); 3] = [
+        ("gear", "a graph", "`gear run` runs it"),
+        ("study", "a study", "`gear study` runs it"),
+        ("curve", "a curve", "`gear curve` measures it"),
+    ];
+    let is = |key: &str| top.iter().any(|(name, _)| name.value == key);
+    if is(kind) {
+        return Some(());
+    }
+    let Some((key, found, help)) = KINDS.iter().find(|(key, ..)| is(key)) else {
+        return Some(());
+    };
+    let message = format!("this is {found}, not a {kind}");
+    let help = format!(
+        "{help}; `gear graphs list` lists the {} that come with gear",
+        match kind {
+            "curve" => "curves",
+            _ => "studies",
+        }
+    );
+    let place = top.iter().find(|(name, _)| name.value == *key);
+    let span = place.map_or(tree.span, |(name, _)| name.span);
+    reader.error(
+        "missing-version",
+        message,
+        span,
+        &format!("says that it is {found}"),
+        Some(help),
+    );
+    None
 }
 
 /// `study: 1`.

@@ -78,7 +78,7 @@ pub fn with_node(reference: &str, spec: &NodeSpec) -> Option<String> {
 
 fn row(spec: &NodeSpec) -> String {
     let anchor = spec.name.to_ascii_lowercase();
-    format!("| [{}](#{anchor}) | {} |", spec.name, cell(summary(spec.doc)))
+    format!("| [{}](#{anchor}) | {} |", spec.name, cell(&summary(spec.doc)))
 }
 
 /// One node, under a heading of that level.

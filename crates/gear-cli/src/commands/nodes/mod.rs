@@ -221,8 +221,19 @@ fn paragraph(text: &mut String, doc: &str, indent: usize) {
     }
 }
 
-fn summary(doc: &str) -> &str {
-    doc.trim().lines().next().unwrap_or_default().trim()
+fn summary(doc: &str) -> String {
+    // A sentence may go over lines.
+    let mut text = String::new();
+    for line in doc.trim().lines().map(str::trim).take_while(|line| !line.is_empty()) {
+        if !text.is_empty() {
+            text.push(' ');
+        }
+        text.push_str(line);
+        if line.ends_with('.') {
+            break;
+        }
+    }
+    text
 }
 
 #[cfg(test)]
