@@ -118,16 +118,18 @@
       }
       trial(number + 1);
     };
-    const figures = images.map((image, place) => element("figure", {}, image, element("figcaption", {}, letter(place))));
+    const figures = images.map((image, place) => element("figure", { className: "turns" }, image, element("figcaption", {}, letter(place))));
     if (data.paintings[id]) {
-      figures.unshift(element("figure", {}, element("img", { src: data.paintings[id], alt: "The painting", draggable: false }),
+      figures.unshift(element("figure", { className: "painting" }, element("img", { src: data.paintings[id], alt: "The painting", draggable: false }),
         element("figcaption", {}, "The painting")));
     }
     stage.replaceChildren(
       element("progress", { max: trials.length, value: number }),
       element("div", { className: "row" }, ...figures),
-      element("p", { className: "hint" }, "Drag a picture sideways, or use the slider; all turn together."),
+      element("p", { className: "hint" }, "Drag a picture sideways, or use the slider or the arrow keys; all turn together."),
       slider, form);
+    // Keys turn the pictures at once; what had the focus is gone.
+    slider.focus({ preventScroll: true });
     window.scrollTo(0, 0);
   }
 
@@ -142,6 +144,7 @@
     stage.replaceChildren(element("p", {}, "Thank you. Save your answers to a file, and send it to whoever gave you this page."),
       element("p", {}, link));
     link.click();
+    link.focus();
   }
 
   begin();
