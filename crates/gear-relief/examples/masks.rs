@@ -38,7 +38,7 @@ fn samples(out: &Path) -> Result<(), Box<dyn std::error::Error>> {
                 let found = mask::automatic(&sample.painting.rgb, &Settings::default());
                 let seconds = start.elapsed().as_secs_f64();
                 let iou = overlap(&found.mask, &sample.mask);
-                let (mode, sure) = (found.mode.name(), found.confidence);
+                let (mode, sure) = (found.mode.name(), found.confidence.unwrap_or(f64::NAN));
                 println!(
                     "| {name} | {background:?} | {condition:?} | {iou:.3} | {mode} | {sure:.2} | {seconds:.2} | {} |",
                     list(&found)
@@ -76,7 +76,7 @@ fn paintings(out: &Path) -> Result<(), Box<dyn std::error::Error>> {
         println!(
             "| {stem} | {} | {:.2} | {:.2} | {seconds:.2} | {doubts} |",
             found.mode.name(),
-            found.confidence,
+            found.confidence.unwrap_or(f64::NAN),
             found.share()
         );
         overlay(&out.join(format!("{stem}.png")), &picture, &found)?;

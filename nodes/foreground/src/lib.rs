@@ -95,13 +95,14 @@ pub struct In {
 pub struct Out {
     /// The figure, the picture's size; full for a whole-canvas relief.
     pub mask: Wanted<Mask>,
-    /// Confidence, mode (`figure`, `relief`, `given`, `box`), share of the canvas, and what was doubted.
+    /// Confidence (null where nothing was measured: for a given mask, a box, and the method `relief`), mode (`figure`,
+    /// `relief`, `given`, `box`), share of the canvas, and what was doubted.
     pub report: Wanted<Report>,
 }
 
 impl Node for Foreground {
     const NAME: &str = "Foreground";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type Inputs = In;
     type Outputs = Out;
 
@@ -153,6 +154,15 @@ impl Node for Foreground {
         if matches!(self.method, Method::Network { .. }) && found.mode == Mode::Relief && inputs.mask.is_none() {
             ctx.note("the network's answer is no figure that can be trusted; the whole canvas is used");
         }
+        if let Some(note) = faint(&found) {
+            ctx.note(note);
+        }
+        if inputs.mask.is_none() && self.method == Method::unspecified_box() {
+            ctx.note(
+                "the box was not said and is 0.1, 0.1 to 0.9, 0.9 of the picture; \
+                 method={box: {x0: …, y0: …, x1: …, y1: …}} says where the figure is",
+            );
+        }
         let report = want.try_compute("report", || Report::new(describe(&found)))?;
         Ok(Out {
             mask: want.compute("mask", || found.mask),
@@ -171,6 +181,32 @@ impl Foreground {
             least_confidence: self.least_confidence,
         }
     }
+}
+
+impl Method {
+    /// The box of someone who asked for one and did not say where.
+    fn unspecified_box() -> Self {
+        Self::Box {
+            x0: 0.1,
+            y0: 0.1,
+            x1: 0.9,
+            y1: 0.9,
+        }
+    }
+}
+
+/// An automatic figure with less confidence is used, but not without a word.
+const SURE: f64 = 0.6;
+
+/// What a user should hear about a figure that was found with little confidence: what lies outside it is lost.
+fn faint(found: &Found) -> Option<String> {
+    let confidence = found.confidence.filter(|c| *c < SURE && found.mode == Mode::Figure)?;
+    Some(format!(
+        "a figure was told apart with confidence {confidence:.2} only; it fills {:.0} % of the canvas, and the rest is left out \
+         of the scene: look at the mask. If it is wrong, method=relief keeps the whole canvas, and a mask or a box says where \
+         the figure is",
+        100.0 * found.share()
+    ))
 }
 
 /// What the network takes for figure, 0 to 1.
@@ -195,6 +231,11 @@ fn oddities(mask: &Mask, width: usize, height: usize) -> Vec<String> {
     } else if inside < mask.len() && mask::given(mask, width, height).mode == Mode::Relief {
         odd.push("nothing of the mask is left at the painting's size; the whole canvas is used".to_owned());
     }
+    if looks_inverted(mask) {
+        odd.push(
+            "the mask takes in the picture's rim and leaves out what it surrounds; white is the figure: is it inverted?".to_owned(),
+        );
+    }
     // Half a pixel either way, in both: what rounding to whole pixels can make of equal proportions.
     let (mw, mh) = mask.size();
     let [w, h, across, down] = [width, height, mw, mh].map(|n| n as f64);
@@ -205,6 +246,21 @@ fn oddities(mask: &Mask, width: usize, height: usize) -> Vec<String> {
         ));
     }
     odd
+}
+
+/// Whether a mask holds nearly all of the rim and leaves a good part of the middle out: a figure in the negative.
+fn looks_inverted(mask: &Mask) -> bool {
+    let (w, h) = mask.size();
+    let rim = |x: usize, y: usize| x == 0 || y == 0 || x + 1 == w || y + 1 == h;
+    let (mut on_rim, mut held) = (0usize, 0usize);
+    for (x, y) in (0..h)
+        .flat_map(|y| (0..w).map(move |x| (x, y)))
+        .filter(|&(x, y)| rim(x, y))
+    {
+        on_rim += 1;
+        held += usize::from(mask.at(x, y));
+    }
+    held * 10 > on_rim * 9 && mask.count() * 20 < mask.len() * 19
 }
 
 fn describe(found: &Found) -> serde_json::Value {
@@ -297,7 +353,39 @@ mod tests {
         assert_eq!(told(Mask::filled(4096, 3001, true), 768, 563), "");
         assert!(told(Mask::filled(30, 40, false), 120, 160).contains("empty"));
         assert!(told(Mask::filled(40, 30, true), 120, 160).contains("proportions (40x30)"));
+        let inverted = Mask::from_fn(30, 40, |x, y| !((8..22).contains(&x) && (5..35).contains(&y)));
+        assert!(told(inverted, 120, 160).contains("inverted"));
+        // A canvas with a stain left out, and a figure that stands on the lower rim.
+        assert_eq!(told(Mask::from_fn(30, 40, |x, y| x + y > 6), 120, 160), "");
+        assert_eq!(told(Mask::from_fn(30, 40, |x, _| x > 4 && x < 26), 120, 160), "");
         assert!(told(Mask::from_fn(900, 900, |x, y| x + y == 0), 90, 90).contains("nothing of the mask is left"));
+    }
+
+    #[test]
+    fn a_figure_found_with_little_confidence_is_told_of() {
+        let found = |confidence, mode| Found {
+            confidence,
+            mode,
+            ..mask::relief(10, 10)
+        };
+        let said = faint(&found(Some(0.345), Mode::Figure)).unwrap();
+        assert!(
+            said.contains("0.34") && said.contains("100 %") && said.contains("method=relief"),
+            "{said}"
+        );
+        assert_eq!(faint(&found(Some(0.8), Mode::Figure)), None);
+        assert_eq!(faint(&found(Some(0.1), Mode::Relief)), None);
+        assert_eq!(faint(&found(None, Mode::Given)), None);
+    }
+
+    #[test]
+    fn a_box_that_was_not_said_is_told_of() {
+        let node = Foreground {
+            method: Method::unspecified_box(),
+            ..Foreground::default()
+        };
+        let parsed: Foreground = testing::read(&json!({"method": "box"})).unwrap();
+        assert_eq!(parsed.method, node.method);
     }
 
     #[test]

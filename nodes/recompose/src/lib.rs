@@ -86,7 +86,7 @@ pub struct Out {
 
 impl Node for Recompose {
     const NAME: &str = "Recompose";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const USES: &'static [Numerics] = &[Numerics::new("gear-relief", gear_relief::NUMERICS)];
     type Inputs = In;
     type Outputs = Out;
@@ -131,6 +131,11 @@ impl Node for Recompose {
         if let (OrAuto::Auto, Some(found)) = (self.beta, &found) {
             // Sharpening alone would cost a picture that is well lit detail of its surface (measured on figures: .03).
             recipe.detail *= found.due() as f32;
+            if found.is_natural() {
+                ctx.note(
+                    found.sentence("beta = 0, the light stays as it is painted; beta=0.5 grounds it all the same"),
+                );
+            }
         }
         Ok(Out {
             grounded: want.compute("grounded", || Image {

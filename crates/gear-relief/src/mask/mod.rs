@@ -88,8 +88,8 @@ impl Default for Settings {
 pub struct Found {
     /// The mask, the picture's size; full in relief mode.
     pub mask: Mask,
-    /// How far an automatic mask can be trusted, 0 to 1; 1 for the user's.
-    pub confidence: f64,
+    /// How far an automatic mask can be trusted, 0 to 1; `None` where nothing was searched for or measured.
+    pub confidence: Option<f64>,
     /// How it came to be.
     pub mode: Mode,
     /// What the confidence was made of; `None` where nothing was measured.
@@ -111,11 +111,19 @@ impl Found {
 pub fn relief(width: usize, height: usize) -> Found {
     Found {
         mask: Mask::filled(width, height, true),
-        confidence: 0.0,
+        confidence: None,
         mode: Mode::Relief,
         doubts: None,
         candidate: None,
         frame: None,
+    }
+}
+
+/// The whole canvas, because no figure was found.
+fn untrusted(width: usize, height: usize) -> Found {
+    Found {
+        confidence: Some(0.0),
+        ..relief(width, height)
     }
 }
 
@@ -131,7 +139,7 @@ pub fn given(mask: &Mask, width: usize, height: usize) -> Found {
     }
     Found {
         mask,
-        confidence: 1.0,
+        confidence: None,
         mode: Mode::Given,
         doubts: None,
         candidate: None,
@@ -143,7 +151,7 @@ pub fn given(mask: &Mask, width: usize, height: usize) -> Found {
 pub fn automatic(image: &SrgbImage, settings: &Settings) -> Found {
     let (width, height) = image.size();
     if width.min(height) < 16 {
-        return relief(width, height);
+        return untrusted(width, height);
     }
     let small = Small::new(image, settings);
     let (window, framed) = frame::window(&small.features);
@@ -159,13 +167,13 @@ pub fn automatic(image: &SrgbImage, settings: &Settings) -> Found {
     let Some(guess) = rim::ground(&small.features, &window) else {
         return Found {
             frame,
-            ..relief(width, height)
+            ..untrusted(width, height)
         };
     };
     let Some((mask, known)) = small.grab(&guess.ground, &window, settings) else {
         return Found {
             frame,
-            ..relief(width, height)
+            ..untrusted(width, height)
         };
     };
     let doubts = judge::measure(
@@ -183,7 +191,7 @@ pub fn automatic(image: &SrgbImage, settings: &Settings) -> Found {
     let fine = small.refine(image, &mask, settings);
     if confidence <= settings.least_confidence || fine.count() == 0 {
         return Found {
-            confidence,
+            confidence: Some(confidence),
             doubts: Some(doubts),
             candidate: Some(fine),
             frame,
@@ -192,7 +200,7 @@ pub fn automatic(image: &SrgbImage, settings: &Settings) -> Found {
     }
     Found {
         mask: fine,
-        confidence,
+        confidence: Some(confidence),
         mode: Mode::Figure,
         doubts: Some(doubts),
         candidate: None,
@@ -206,7 +214,7 @@ pub fn in_box(image: &SrgbImage, region: [f64; 4], settings: &Settings) -> Found
     let plain = |w: usize, h: usize| box_mask(region, w, h);
     let user = |mask: Mask| Found {
         mask,
-        confidence: 1.0,
+        confidence: None,
         mode: Mode::Box,
         doubts: None,
         candidate: None,

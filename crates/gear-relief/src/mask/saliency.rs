@@ -59,7 +59,7 @@ pub fn from_saliency(image: &SrgbImage, saliency: &Field, settings: &Settings) -
     };
     if confidence <= settings.least_confidence || fine.count() == 0 {
         return Found {
-            confidence,
+            confidence: Some(confidence),
             doubts: Some(doubts),
             candidate: Some(fine),
             ..relief(width, height)
@@ -67,7 +67,7 @@ pub fn from_saliency(image: &SrgbImage, saliency: &Field, settings: &Settings) -
     }
     Found {
         mask: fine,
-        confidence,
+        confidence: Some(confidence),
         mode: Mode::Figure,
         doubts: Some(doubts),
         candidate: None,

@@ -98,7 +98,7 @@ fn pictures_without_a_figure_are_the_whole_canvas() {
         let grey = SrgbImage::filled(w, h, [0.5, 0.4, 0.3]);
         let found = automatic(&grey, &Settings::default());
         assert!(
-            found.mask.is_full() && found.mask.size() == (w, h) && found.confidence == 0.0,
+            found.mask.is_full() && found.mask.size() == (w, h) && found.confidence == Some(0.0),
             "{w}x{h}"
         );
         let boxed = in_box(&grey, [0.4, 0.4, 0.6, 0.6], &Settings::default());
@@ -117,7 +117,7 @@ fn broken_samples_do_no_harm() {
     }
     let found = automatic(&image, &Settings::default());
     assert_eq!(found.mask.size(), image.size());
-    assert!(found.confidence.is_finite());
+    assert!(found.confidence.is_some_and(f64::is_finite));
 }
 
 #[test]
