@@ -61,6 +61,8 @@ fn what_the_cpu_did_serves_the_gpu_and_never_the_reverse() {
     }
     assert!(realm(&gpu, "restored").starts_with("gpu:"));
     assert_eq!(realm(&gpu, "reconstruct"), "cpu");
+    let played = realm(&gpu, "restored").contains("llvmpipe");
+    assert_eq!(done.stderr.contains("a GPU that the CPU plays"), played, "{done:#?}");
 
     views(&desk, "gpu", "again").exits(0);
     assert_eq!(desk.record("again").with_status("ran"), Vec::<&str>::new());

@@ -143,7 +143,8 @@ impl Device {
 
     /// Opens what is chosen. An error only where falling back is forbidden.
     ///
-    /// Without any GPU [`DeviceChoice::Auto`] takes the CPU without a word, unless falling back is forbidden.
+    /// Without any GPU [`DeviceChoice::Auto`] takes the CPU without a word, unless falling back is forbidden. Where the only
+    /// GPU is played by the CPU it takes the CPU in any case: that is its choice, and no fallback.
     pub fn open(choice: &DeviceChoice, fallback: Fallback) -> Result<Self, DeviceError> {
         let opened = match choice {
             DeviceChoice::Cpu => return Ok(Self::cpu()),
@@ -175,6 +176,12 @@ impl Device {
     #[cfg(feature = "gpu")]
     fn named(name: Option<&str>, fallback: &Fallback) -> Result<Self, String> {
         let gpu = crate::gpu::Gpu::open(name).map_err(|error| error.to_string())?;
+        if gpu.name().software {
+            let device = &gpu.name().device;
+            (fallback.tell)(&format!(
+                "{device} is a GPU that the CPU plays; `--device cpu` is many times faster"
+            ));
+        }
         Ok(Self::on(gpu, fallback.clone()))
     }
 
