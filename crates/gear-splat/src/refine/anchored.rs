@@ -485,3 +485,57 @@ simd_kernels! {
         *found = any;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Gaussian;
+    use glam::Quat;
+
+    /// Conjugate gradients solve with μ and the slopes of [`Anchored::color_anchor`], and stop by [`Anchored::anchor_loss`]:
+    /// the one must be the derivative of the other, Gaussian by Gaussian.
+    #[test]
+    fn the_anchor_of_colours_is_the_slope_of_its_loss_for_every_firmness() {
+        let mut scene = Scene::default();
+        for i in 0..4 {
+            scene.push(Gaussian {
+                center: Vec3::X * 0.1 * i as f32,
+                scales: Vec3::splat(0.05),
+                rotation: Quat::IDENTITY,
+                opacity: 0.9,
+                color: [0.5; 3],
+            });
+        }
+        let options = RefineOptions {
+            anchor: 3.0,
+            ..RefineOptions::default()
+        };
+        for firmness in [vec![], vec![1.0, 0.25, 8.0, 0.0]] {
+            let mut anchored = Anchored::new(&scene, &options);
+            anchored.firmness = firmness.clone();
+            for (i, x) in anchored.scene.sh_dc.as_flattened_mut().iter_mut().enumerate() {
+                *x += 0.1 * (i as f32 - 5.0);
+            }
+            let (mus, slopes) = anchored.color_anchor();
+            let step = 1e-2f32;
+            for i in 0..slopes.len() {
+                let at = |by: f32| {
+                    let mut moved = anchored.clone();
+                    moved.scene.sh_dc.as_flattened_mut()[i] += by;
+                    moved.anchor_loss()
+                };
+                let slope = (at(step) - at(-step)) / f64::from(2.0 * step);
+                assert!(
+                    (slope - f64::from(slopes[i])).abs() < 1e-5 + 1e-4 * slope.abs(),
+                    "{firmness:?}, {i}: {slope}"
+                );
+                let bend = (at(step) - 2.0 * at(0.0) + at(-step)) / f64::from(step * step);
+                assert!(
+                    (bend - f64::from(mus[i])).abs() < 1e-3 + 1e-2 * bend,
+                    "{firmness:?}, {i}: {bend} {}",
+                    mus[i]
+                );
+            }
+        }
+    }
+}
