@@ -113,7 +113,7 @@ fn two_runs_are_compared_by_what_they_left() {
     for says in [
         "ratio.radius: 0.03 → 0.2",
         "smooth (Field): max",
-        "1 of 2 outputs are the same",
+        "1 of 2 outputs is the same",
     ] {
         assert!(told.contains(says), "{says} in {told}");
     }
