@@ -44,7 +44,7 @@ pub struct Foreground {
     pub working_size: u32,
 
     /// An automatic mask with less confidence becomes the whole canvas.
-    #[param(default = 0.3, range = 0.0..=1.0)]
+    #[param(default = 0.5, range = 0.0..=1.0)]
     pub least_confidence: f64,
 }
 
@@ -196,7 +196,7 @@ impl Method {
 }
 
 /// An automatic figure with less confidence is used, but not without a word.
-const SURE: f64 = 0.6;
+const SURE: f64 = 0.7;
 
 /// What a user should hear about a figure that was found with little confidence: what lies outside it is lost.
 fn faint(found: &Found) -> Option<String> {

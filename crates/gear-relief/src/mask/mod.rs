@@ -78,7 +78,7 @@ impl Default for Settings {
             smoothness: 8.0,
             components: 5,
             working_size: 384,
-            least_confidence: 0.3,
+            least_confidence: 0.5,
         }
     }
 }
