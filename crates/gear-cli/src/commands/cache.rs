@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use gear_graph::{Archived, Registry, Store, StoreStat};
+use gear_graph::{Archived, Registry, Store, StoreStat, Verified};
 use gear_splat::DeviceChoice;
 
 use crate::args::{CacheCommand, ExportArgs, GraphArgs, PlanArgs, StoreArgs, TextFormat};
@@ -100,8 +100,11 @@ fn told(stat: &StoreStat, store: &Store) -> Vec<String> {
             sizes::bytes(stat.log_bytes)
         ),
         format!(
-            "holds     {} actions, {} demands, {} artefacts, {} content files",
-            stat.actions, stat.demands, stat.blobs, stat.contents
+            "holds     {}, {}, {}, {}",
+            sizes::counted(stat.actions, "action"),
+            sizes::counted(stat.demands, "demand"),
+            sizes::counted(stat.blobs, "artefact"),
+            sizes::counted(stat.contents, "content file")
         ),
     ];
     if let Some((first, last)) = stat.made {
@@ -154,16 +157,11 @@ fn verify(store: &Store, repair: bool, registry: &Registry, console: &Console) -
     }
     for (name, count) in &verified.unknown_types {
         console.note(&format!(
-            "{count} values of the type {name}, which is not known here, were not decoded"
+            "not decoded: {} of the type {name}, which is not known here",
+            sizes::counted(*count, "value")
         ));
     }
-    let read = format!(
-        "{} records, {} contents ({}), {} values",
-        verified.records,
-        verified.contents,
-        sizes::bytes(verified.bytes),
-        verified.values
-    );
+    let read = read(&verified);
     let path = store.path().display();
     console.result(&match (verified.problems.len(), repair) {
         (0, _) => format!("{path}: all is well: {read}"),
@@ -222,7 +220,9 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
             let (archived, missing) = exported.map_err(CliError::Archive)?;
             if missing > 0 {
                 console.note(&format!(
-                    "{missing} nodes of this run are not in the store; `gear run` first, to export all of it"
+                    "{} of this run {} not in the store; `gear run` first, to export all of it",
+                    sizes::counted(missing, "node"),
+                    if missing == 1 { "is" } else { "are" }
                 ));
             }
             archived
@@ -238,28 +238,77 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
         ));
     }
     if archived.lost > 0 {
+        let (are, digests) = match archived.lost {
+            1 => ("is", "its digest"),
+            _ => ("are", "their digests"),
+        };
         console.warning(&format!(
-            "{} results are known by their digests only and are not in the archive: they were collected or damaged; \
-             `gear run` computes again what it needs of them, to export it",
-            archived.lost
+            "{} {are} known by {digests} only and not in the archive, collected or damaged; \
+             `gear run` computes again what it needs of that, to export it",
+            sizes::counted(archived.lost, "result")
         ));
     }
     console.result(&format!(
-        "{}: {} records, {} contents ({})",
+        "{}: {} ({})",
         args.file.display(),
-        archived.records,
-        archived.contents,
+        records_and_contents(archived.records, archived.contents, ", "),
         sizes::bytes(archived.bytes)
     ));
     Ok(Exit::Done)
 }
 
+/// What was found sound.
+fn read(verified: &Verified) -> String {
+    format!(
+        "{} ({}), {}",
+        records_and_contents(verified.records, verified.contents, ", "),
+        sizes::bytes(verified.bytes),
+        sizes::counted(verified.values, "value")
+    )
+}
+
+/// What a store or an archive holds.
+fn records_and_contents(records: usize, contents: usize, between: &str) -> String {
+    let (records, contents) = (sizes::counted(records, "record"), sizes::counted(contents, "content"));
+    format!("{records}{between}{contents}")
+}
+
 fn imported(archived: &Archived) -> String {
     format!(
-        "{} records and {} contents ({}) imported, {} of them new",
-        archived.records,
-        archived.contents,
+        "{} ({}) imported, {} of them new",
+        records_and_contents(archived.records, archived.contents, " and "),
         sizes::bytes(archived.bytes),
         archived.new
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_of_a_thing_is_told_as_one() {
+        let mut verified = Verified {
+            records: 1,
+            contents: 1,
+            bytes: 3,
+            values: 1,
+            ..Verified::default()
+        };
+        assert_eq!(read(&verified), "1 record, 1 content (3 B), 1 value");
+        (verified.records, verified.contents, verified.values) = (2, 0, 5);
+        assert_eq!(read(&verified), "2 records, 0 contents (3 B), 5 values");
+        assert_eq!(records_and_contents(1, 2, ", "), "1 record, 2 contents");
+        let archived = Archived {
+            records: 1,
+            contents: 1,
+            bytes: 3,
+            new: 1,
+            lost: 0,
+        };
+        assert_eq!(
+            imported(&archived),
+            "1 record and 1 content (3 B) imported, 1 of them new"
+        );
+    }
 }

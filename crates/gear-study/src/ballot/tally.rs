@@ -276,10 +276,15 @@ fn bootstrap(decided: &[(usize, &str)], methods: &[String], persons: usize, seed
         .collect()
 }
 
+/// `1 person`, `2 persons`.
+fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
 impl Tally {
     /// The shares as a table.
     pub fn text(&self) -> String {
-        let mut out = format!("ballot {}, {} persons\n", self.ballot, self.persons);
+        let mut out = format!("ballot {}, {}\n", self.ballot, counted(self.persons, "person"));
         let mut before = (String::new(), String::new());
         for share in &self.shares {
             let now = (share.question.clone(), share.group.clone());
@@ -289,8 +294,11 @@ impl Tally {
                     .map(|n| format!(", {n} could not tell"))
                     .unwrap_or_default();
                 out.push_str(&format!(
-                    "\n{}, {}: {} votes of {} persons{undecided}\n",
-                    share.question, share.group, share.of, share.persons
+                    "\n{}, {}: {} of {}{undecided}\n",
+                    share.question,
+                    share.group,
+                    counted(share.of, "vote"),
+                    counted(share.persons, "person")
                 ));
                 before = now;
             }

@@ -171,7 +171,8 @@ fn shares_are_unblinded_and_counted_by_tradition_and_expertise() {
     assert_eq!(all.bootstrap, None, "two persons are too few");
     assert!(all.wilson.low < 0.25 && all.wilson.high > 0.25);
     assert_eq!(tally.places.iter().sum::<usize>(), 24);
-    assert!(tally.text().contains("ours-secret"));
+    let text = tally.text();
+    assert!(text.contains("ours-secret") && text.contains(", 3 persons\n"), "{text}");
 }
 
 #[test]
@@ -183,6 +184,11 @@ fn who_answers_again_counts_once_and_strangers_are_refused() {
     let counted = tally(&key, &[first.clone(), again]).unwrap();
     assert_eq!(share(&counted, "depth", "all", "raw-secret").share, 1.0);
     assert_eq!((counted.persons, counted.notes.len()), (1, 1));
+    let text = counted.text();
+    assert!(
+        text.contains(", 1 person\n") && text.contains(" of 1 person\n"),
+        "{text}"
+    );
     let (other, _) = draw(&cases, &methods(), 6, 3);
     assert!(matches!(
         tally(&other, std::slice::from_ref(&first)),
