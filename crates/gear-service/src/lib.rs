@@ -32,6 +32,7 @@ mod images;
 mod memory;
 mod multipart;
 mod pace;
+mod retry_after;
 #[cfg(feature = "testing")]
 pub mod testing;
 mod transport;

@@ -2,18 +2,19 @@
 //!
 //! A request is repeated when its failure may pass: nobody answered, the connection broke, 408, 425, 429, or a 5xx that
 //! speaks of the moment. The pause doubles from try to try and is cut by a random share, so that many runs that were
-//! refused together do not come back together; a server that says `Retry-After` is believed up to a minute.
+//! refused together do not come back together; a server that says `Retry-After`, as seconds or as a date, is believed up to a
+//! minute.
 
 use std::hash::{BuildHasher, RandomState};
 use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use gear_graph::Params;
 use ureq::http::Method;
 
 use crate::pace::{self, Pace};
-use crate::{Endpoint, ServiceError};
+use crate::{Endpoint, ServiceError, retry_after};
 
 /// What a run allows a service.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -289,7 +290,8 @@ impl Exchange {
             let value = response.headers().get(name)?.to_str().ok()?;
             Some(value.trim().to_owned())
         };
-        let (content_type, retry_after, location) = (header("content-type"), header("retry-after"), header("location"));
+        let (content_type, location) = (header("content-type"), header("location"));
+        let (again_after, date) = (header("retry-after"), header("date"));
         if status.is_redirection() {
             return Try::MovedTo(location.unwrap_or_default());
         }
@@ -321,9 +323,8 @@ impl Exchange {
         };
         match status.as_u16() {
             408 | 425 | 429 | 500 | 502 | 503 | 504 | 529 => {
-                let pause = retry_after.and_then(|text| text.parse::<f64>().ok());
-                let pause = pause.filter(|s| s.is_finite() && *s >= 0.0 && *s < 1e9);
-                Try::Later(error, pause.map(Duration::from_secs_f64))
+                let pause = again_after.and_then(|said| retry_after::pause(&said, date.as_deref(), SystemTime::now()));
+                Try::Later(error, pause)
             }
             _ => Try::Never(error),
         }

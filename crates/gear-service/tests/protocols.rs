@@ -159,7 +159,13 @@ fn a_job_that_fails_or_never_ends_is_an_error() {
 
 #[test]
 fn what_passes_is_waited_for() {
-    for (status, retry_after) in [(429, Some("0.02")), (500, None), (503, Some("0")), (408, None)] {
+    for (status, retry_after) in [
+        (429, Some("0.02")),
+        (500, None),
+        (503, Some("0")),
+        (503, Some("Sun, 06 Nov 1994 08:49:37 GMT")),
+        (408, None),
+    ] {
         let (studio, tries) = (Studio::new(grey), AtomicUsize::new(0));
         let (server, edited) = images(move |asked| {
             if tries.fetch_add(1, Ordering::SeqCst) < 2 {
@@ -195,6 +201,13 @@ fn a_server_that_stays_busy_is_given_up() {
     let (server, edited) = images(|_| Reply::json(429, "").with("Retry-After", "86400"));
     assert!(says(&edited).contains("answered 429"), "{edited:?}");
     assert_eq!(server.received().len(), 1, "nobody waits a day");
+    let (server, edited) = images(|_| {
+        Reply::json(503, "")
+            .with("Date", "Sun, 06 Nov 1994 08:49:37 GMT")
+            .with("Retry-After", "Mon, 07 Nov 1994 08:49:37 GMT")
+    });
+    assert!(says(&edited).contains("answered 503"), "{edited:?}");
+    assert_eq!(server.received().len(), 1, "nor until tomorrow");
 }
 
 #[test]
