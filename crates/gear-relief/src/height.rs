@@ -7,6 +7,7 @@ use crate::crease::{self, CreaseSettings};
 use crate::detail::{self, DetailSettings};
 use crate::fields::{map, zip};
 use crate::ink::{self, InkSettings};
+use crate::layers::{self, LayerSettings};
 use crate::light::{self, Calibration, LightFit};
 use crate::shading::{self, ShadingSettings};
 
@@ -19,6 +20,8 @@ pub struct HeightSettings {
     pub base: BaseSettings,
     /// Lines that draw form.
     pub crease: CreaseSettings,
+    /// Contours of a whole canvas, where one thing stands before another.
+    pub layers: LayerSettings,
     /// Split of shading and paint.
     pub shading: ShadingSettings,
     /// What shading is believed.
@@ -33,6 +36,7 @@ impl Default for HeightSettings {
             ink: InkSettings::default(),
             base: BaseSettings::default(),
             crease: CreaseSettings::default(),
+            layers: LayerSettings::default(),
             shading: ShadingSettings::default(),
             calibration: Calibration::NATURAL,
             detail: DetailSettings::default(),
@@ -102,7 +106,10 @@ pub fn estimate(image: &LinearImage, mask: &Mask, settings: &HeightSettings) -> 
         relief.height = relief.base.clone();
     }
     relief.raise(detail.as_ref());
-    // Lines of a whole canvas bound things that lie before others as often as they lie in hollows.
+    // Lines of a whole canvas bound things that lie before others as often as they lie in hollows: no creases there.
+    if mode == Mode::Relief {
+        relief.raise(layers::layers(image, &settings.layers).as_ref());
+    }
     if mode == Mode::Figure && settings.crease.depth > 0.0 {
         let drawn = ink::drawn_lines(image, &ink, &relief.mask, &settings.ink);
         relief.raise(crease::creases(&drawn, &relief.mask, &settings.crease).as_ref());

@@ -1,9 +1,9 @@
-//! From picture to surface: mask, ink, inflation, shading, light fit, detail from shading, creases, surfels.
+//! From picture to surface: mask, ink, inflation, shading, light fit, detail from shading, creases, layers, surfels.
 //!
 //! Modules stand in the order in which data passes them:
 //!
 //! ```text
-//! image, mask ─ ink ─ base ─ shading ─ light ─ detail ─ crease ─ height ─ surfels ─ scene
+//! image, mask ─ ink ─ base ─ shading ─ light ─ detail ─ crease or layers ─ height ─ surfels ─ scene
 //! ```
 //!
 //! [`height::estimate`] runs the chain up to the height field; [`surfels::lift`] makes the closed Gaussian
@@ -20,6 +20,7 @@ pub mod fields;
 pub mod guided;
 pub mod height;
 pub mod ink;
+pub mod layers;
 pub mod light;
 pub mod mask;
 pub mod shading;
@@ -27,4 +28,4 @@ pub mod surfels;
 pub mod truth;
 
 /// Version of the numerics: part of the behaviour of every node that uses this crate. Raise it when bits change.
-pub const NUMERICS: u32 = 3;
+pub const NUMERICS: u32 = 4;

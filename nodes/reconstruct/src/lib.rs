@@ -21,6 +21,7 @@ use gear_relief::crease::CreaseSettings;
 use gear_relief::detail::DetailSettings;
 use gear_relief::fields;
 use gear_relief::height::{self, HeightSettings, Mode, Relief};
+use gear_relief::layers::LayerSettings;
 use gear_relief::light::Calibration;
 use gear_relief::surfels::{self, Counts, SurfelSettings};
 use gear_splat::{Camera, Scene};
@@ -45,6 +46,10 @@ pub struct Reconstruct {
     /// Relief mode: how much nearer the lower rim is than the upper.
     #[param(default = 0.15, range = -1.0..=1.0, unit = "share of the height")]
     pub ramp: f64,
+    /// Relief mode: how steeply the surface rises across a full contour towards its lower side, since what is drawn lower
+    /// stands before what is above it; 0 looks at no contour. Only with the method `shading`.
+    #[param(default = 0.5, range = 0.0..=4.0, unit = "height a pixel")]
+    pub layers: f64,
     /// Depth of a figure's back relative to its front.
     #[param(default = 0.6, range = 0.0..=2.0)]
     pub back: f64,
@@ -220,10 +225,17 @@ impl Reconstruct {
                 depth: self.crease as f32,
                 ..CreaseSettings::default()
             },
+            layers: LayerSettings {
+                step: self.layers as f32,
+                ..LayerSettings::default()
+            },
             ..HeightSettings::default()
         };
         match self.method {
-            Method::Inflation => settings.detail.iterations = 0,
+            Method::Inflation => {
+                settings.detail.iterations = 0;
+                settings.layers.step = 0.0;
+            }
             Method::Shading {
                 iterations,
                 gain_floor,

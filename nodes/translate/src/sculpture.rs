@@ -9,6 +9,7 @@ use gear_image::{Mask, SrgbImage, colour};
 use gear_relief::base::BaseSettings;
 use gear_relief::fields::{dot, normals};
 use gear_relief::height::{HeightSettings, Relief, estimate};
+use gear_relief::layers::LayerSettings;
 use gear_relief::light::{Calibration, LightFit};
 
 use crate::length;
@@ -27,6 +28,11 @@ pub(crate) fn carve(painting: &SrgbImage, mask: &Mask) -> SrgbImage {
     let settings = HeightSettings {
         calibration: Calibration::PAINTED,
         base: BaseSettings::default().round(),
+        // Light falls on forms; where one thing stands before another, a contour says so already.
+        layers: LayerSettings {
+            step: 0.0,
+            ..LayerSettings::default()
+        },
         ..HeightSettings::default()
     };
     let relief = estimate(&colour::light(painting), mask, &settings);

@@ -13,7 +13,7 @@ use node_recompose::{In, Recompose};
 pub enum Variant {
     /// The inflated silhouette and nothing of the picture (a whole canvas has none: the relief of its contours).
     Plain,
-    /// The same with drawn lines as creases, no shading.
+    /// The same with drawn lines as creases, and layers of a whole canvas; no shading.
     Lines,
     /// The picture as it is.
     Raw,
@@ -65,6 +65,7 @@ pub fn reconstruct(sample: &Sample, mask: &Mask, few: bool) -> Vec<(Variant, Rel
     lines.detail.iterations = 0;
     let mut plain = lines;
     plain.crease.depth = 0.0;
+    plain.layers.step = 0.0;
     let mut out = vec![
         (Variant::Plain, relief(&painting, &plain)),
         (Variant::Lines, relief(&painting, &lines)),
