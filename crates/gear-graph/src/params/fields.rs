@@ -135,6 +135,9 @@ pub(crate) fn yaml_trap(tree: &Tree, expected: &str) -> Option<String> {
     if text.contains(':') && text.split(':').all(|part| part.parse::<f64>().is_ok()) {
         return Some("numbers to the base of 60 are texts in YAML 1.2; write one number".to_owned());
     }
+    if plain.matches('.').count() > 1 && plain.chars().all(|c| c.is_ascii_digit() || "+-.".contains(c)) {
+        return Some(format!("`{text}` is no number: it has more than one point"));
+    }
     if digits.chars().all(|c| c.is_ascii_digit() || c == '.') && plain.chars().any(|c| c.is_ascii_digit()) {
         let sign = if plain.starts_with('-') { "-" } else { "" };
         let lead = if digits.is_empty() || digits.starts_with('.') {

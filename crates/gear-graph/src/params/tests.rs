@@ -197,3 +197,12 @@ fn a_node_built_in_code_is_checked_like_one_from_a_file() {
             .contains("must not be above high")
     );
 }
+
+#[test]
+fn what_is_no_number_is_not_told_to_lose_its_quotes() {
+    let problems = read::<All>(&json!({"share": "1.5.2"})).unwrap_err();
+    let help = problems[0].help.clone().unwrap();
+    assert!(help.contains("`1.5.2` is no number"), "{help}");
+    let problems = read::<All>(&json!({"share": "0.5"})).unwrap_err();
+    assert_eq!(problems[0].help.as_deref(), Some("quotes make it a text; write `0.5`"));
+}

@@ -185,7 +185,28 @@ fn stamp_of(path: &Path) -> std::io::Result<Stamp> {
     Ok((meta.len(), meta.modified().ok()))
 }
 
-/// Matches what was given with what the graph has; all mistakes at once.
+/// Whether an output that is asked for may need each input of the graph. Of an output that is not there nothing is known:
+/// it may need all of them.
+fn needed(run: &Run<'_>) -> Vec<bool> {
+    let graph = run.graph;
+    let known = |name: &String| graph.outputs().iter().any(|output| output.name == *name);
+    if !run.outputs.iter().flatten().all(known) {
+        return vec![true; graph.inputs().len()];
+    }
+    let asked = graph.outputs().iter().filter(|output| run.asks_for(&output.name));
+    let mut stack: Vec<u32> = asked.map(|output| graph.site_of[output.slot as usize]).collect();
+    let mut needed = vec![false; graph.sites()];
+    while let Some(site) = stack.pop() {
+        if !std::mem::replace(&mut needed[site as usize], true) {
+            let wires = graph.wires_of(site).iter();
+            stack.extend(wires.map(|wire| graph.site_of[wire.from as usize]));
+        }
+    }
+    needed.truncate(graph.inputs().len());
+    needed
+}
+
+/// Matches what was given with what the graph has; all mistakes at once. An input that nothing needs need not be given.
 pub(super) fn resolve(run: &Run<'_>) -> Result<Vec<Given>, Vec<RunMistake>> {
     let graph = run.graph;
     let mut mistakes = Vec::new();
@@ -224,9 +245,9 @@ pub(super) fn resolve(run: &Run<'_>) -> Result<Vec<Given>, Vec<RunMistake>> {
         unknown("node", name, nodes.clone());
     }
     let mut given = Vec::new();
-    for input in graph.inputs() {
+    for (input, needed) in graph.inputs().iter().zip(needed(run)) {
         let mistake = match run.inputs.get(&input.name) {
-            None if input.optional => {
+            None if input.optional || !needed => {
                 given.push(Given::Absent);
                 continue;
             }

@@ -231,13 +231,14 @@ fn node_report(machine: &Machine<'_>, site: u32, left_out: &[Option<String>]) ->
     let slots: Vec<u32> = graph.slots_of(site).collect();
     let phases = || slots.iter().map(|slot| machine.slots[*slot as usize].phase);
     let given = machine.given.get(site as usize);
+    let optional = graph.inputs().get(site as usize).is_some_and(|input| input.optional);
     let mut reason = None;
     let status = if state.failed {
         NodeStatus::Failed
     } else if let Some(by) = state.skipped_by {
         reason = Some(format!("`{}` failed", graph.site_name(by)));
         NodeStatus::Skipped
-    } else if matches!(given, Some(Given::Absent)) {
+    } else if optional && matches!(given, Some(Given::Absent)) {
         NodeStatus::NotGiven
     } else if matches!(given, Some(Given::Value(_))) {
         NodeStatus::Given

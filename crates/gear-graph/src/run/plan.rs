@@ -56,7 +56,7 @@ pub enum PlannedState {
     MayRun,
     /// Everything needed of it is stored.
     Cached,
-    /// Nothing of it is needed.
+    /// Nothing of it is needed; an input that nothing needs may be missing.
     LeftOut,
     /// An input given as a value.
     Given,
@@ -225,7 +225,8 @@ impl Planner<'_> {
         let graph = machine.graph;
         let slots = graph.slots_of(site);
         let phase = |slot: u32| machine.slots[slot as usize].phase;
-        let (state, reason) = if let Some(Given::Absent) = machine.given.get(site as usize) {
+        let optional = graph.inputs().get(site as usize).is_some_and(|input| input.optional);
+        let (state, reason) = if let (Some(Given::Absent), true) = (machine.given.get(site as usize), optional) {
             (PlannedState::NotGiven, String::new())
         } else if let Some(Given::Value(_)) = machine.given.get(site as usize) {
             (PlannedState::Given, String::new())

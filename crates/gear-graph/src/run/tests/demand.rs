@@ -317,3 +317,31 @@ outputs: {y: sum.sum}";
     assert_eq!(node("a").status, NodeStatus::Given);
     assert_eq!(node("c").status, NodeStatus::NotGiven);
 }
+
+#[test]
+fn an_input_that_nothing_needs_need_not_be_given() {
+    let body = "inputs: {a: Number, b: Number, extra: Number}
+nodes:
+  sum: {node: Add, in: {of: [a]}}
+  other: {node: Add, in: {of: [a, b]}}
+outputs: {y: sum.sum, z: other.sum}";
+    let graph = graph(body);
+    let run = || Run::new(&graph).input_value("a", Number(1.0));
+    let asked = run().outputs(["y"]);
+    let plan = asked.plan().unwrap();
+    assert_eq!(plan.node("extra").unwrap().state, PlannedState::LeftOut);
+    assert!(asked.why("extra").is_ok() && asked.why("other").is_ok());
+    let report = asked.go().unwrap().report;
+    assert_eq!(report.status, RunStatus::Done);
+    let node = |id: &str| report.nodes.iter().find(|node| node.id == id).unwrap();
+    assert_eq!(
+        (node("b").status, node("extra").status),
+        (NodeStatus::LeftOut, NodeStatus::LeftOut)
+    );
+    // What an output needs is still asked for, and only that.
+    let missing: Vec<_> = run().go().err().unwrap().iter().map(ToString::to_string).collect();
+    assert!(
+        missing.len() == 1 && missing[0].contains("the input `b`"),
+        "{missing:?}"
+    );
+}
