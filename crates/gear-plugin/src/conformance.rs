@@ -43,6 +43,8 @@ pub fn conformance(folder: &Path, registry: &Registry, params: &Value, tell: &mu
         }
     };
     say("folder, sources and handshake", Ok(()));
+    // A program is started in the plugin's folder: a relative path to it would be looked for from there.
+    let folder = plugin.folder();
     if let Some(file) = plugin.nodes_file() {
         say(
             "the file of descriptions is what the worker says",

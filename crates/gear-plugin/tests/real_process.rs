@@ -482,3 +482,27 @@ fn the_test_of_a_plugin_finds_what_is_wrong() {
     let unstable = wrong(folder.path(), serde_json::json!({}), "second worker");
     assert!(unstable.contains("two handshakes differ"), "{unstable}");
 }
+
+/// A program of the plugin's own is found from wherever its folder is named.
+#[cfg(unix)]
+#[test]
+fn a_plugin_is_tested_by_a_relative_path_to_its_folder() {
+    let Some(folder) = folder("") else { return };
+    let bin = folder.path().join(".venv/bin");
+    std::fs::create_dir_all(&bin).unwrap();
+    let manifest = std::fs::read_to_string(folder.path().join("plugin.yaml")).unwrap();
+    let (_, after) = manifest.split_once("command: [").unwrap();
+    let (python, _) = after.split_once(", worker.py]").unwrap();
+    change(folder.path(), &format!("command: [{python},"), "command: [python,");
+    let script = format!("#!/bin/sh\nexec '{python}' \"$@\"\n");
+    let program = bin.join("python");
+    std::fs::write(&program, script).unwrap();
+    std::fs::set_permissions(&program, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let here = std::env::current_dir().unwrap();
+    let up: std::path::PathBuf = here.components().skip(1).map(|_| "..").collect();
+    let relative = up.join(folder.path().canonicalize().unwrap().strip_prefix("/").unwrap());
+    let well = gear_plugin::conformance(&relative, &Registry::new(), &serde_json::json!({}), &mut |finding| {
+        assert_eq!(finding.wrong, None, "{}", finding.what);
+    });
+    assert!(well);
+}
