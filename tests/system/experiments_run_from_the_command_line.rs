@@ -88,6 +88,53 @@ fn a_picture_that_cannot_be_read_is_a_row() {
 }
 
 #[test]
+fn a_file_that_is_missing_is_a_row_and_a_file_is_one_case() {
+    let desk = Desk::new();
+    desk.gear(&["sample", "vessel", "--size", "64", "--out", "s"]).exits(0);
+    desk.file("collection.csv", "file\ngone.png\n");
+    let cases = "cases: {manifest: collection.csv, files: ['s/paint*.png', 's/p*.png']}";
+    let text = STUDY
+        .replace("cases: {samples: {names: vessel, seed: [1, 2]}}", cases)
+        .replace("views: views\ngroups: motif\n", "");
+    desk.file("backs.yaml", &text);
+    desk.gear(&["study", "backs.yaml"]).exits(1).says("2 of 4 rows failed");
+    let rows = std::fs::read_to_string(desk.path("study/rows.csv")).unwrap();
+    assert!(rows.contains("gone.png: there is no such file"), "{rows}");
+    let tables = std::fs::read_to_string(desk.path("study/study.md")).unwrap();
+    assert!(
+        tables.contains("(1 of 2)") && tables.contains("over 2 cases, or"),
+        "{tables}"
+    );
+}
+
+#[test]
+fn a_measure_that_a_report_lacks_fails_its_rows() {
+    let desk = Desk::new();
+    let text = STUDY.replace(
+        "measures:\n",
+        "measures:\n  typo: metrics.vendd\n  niqe: metrics.niqe.views_average\n",
+    );
+    desk.file(
+        "backs.yaml",
+        text.replace("seed: [1, 2]", "seed: 1").replace("views: views\n", ""),
+    );
+    let said = desk.gear(&["study", "backs.yaml"]).exits(1);
+    let rows = std::fs::read_to_string(desk.path("study/rows.csv")).unwrap();
+    for says in ["measure `typo`", "has no `vendd`", "did you mean `vend`?"] {
+        assert!(rows.contains(says), "{says} in {rows} {said:#?}");
+    }
+    // What is there and undefined, as the naturalness of a tiny picture, is no failure.
+    desk.file(
+        "backs.yaml",
+        text.replace("  typo: metrics.vendd\n", "")
+            .replace("views: views\n", ""),
+    );
+    desk.gear(&["study", "backs.yaml"])
+        .exits(0)
+        .says("`niqe` is undefined in 4 of 4 rows");
+}
+
+#[test]
 fn two_runs_are_compared_by_what_they_left() {
     let desk = Desk::new();
     desk.file(
@@ -142,6 +189,9 @@ fn a_curve_is_measured_and_its_table_drawn_again() {
         "{table}"
     );
     assert!(table.contains("radius = 0.03,") && table.contains(",yes"), "{table}");
+    let dry = ["curve", "one/window.csv", "--out", "two", "--dry-run"];
+    assert!(desk.gear(&dry).exits(0).stdout.contains("window.svg would be drawn"));
+    assert!(!desk.path("two").exists());
     desk.gear(&["curve", "one/window.csv", "--out", "two"]).exits(0);
     for name in ["window.csv", "window.svg"] {
         let read = |out: &str| std::fs::read_to_string(desk.path(out).join(name)).unwrap();

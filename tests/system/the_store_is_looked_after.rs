@@ -96,6 +96,30 @@ fn an_export_replaces_nothing_but_an_archive() {
 }
 
 #[test]
+fn an_export_that_finds_nothing_leaves_the_archive_that_is_there() {
+    let desk = small();
+    desk.gear(RUN).exits(0);
+    desk.gear(&["cache", "export", "all.tar"]).exits(0);
+    let before = std::fs::read(desk.path("all.tar")).unwrap();
+    let other = [
+        "cache",
+        "export",
+        "all.tar",
+        "--graph",
+        "small.yaml",
+        "--input",
+        "painting=sample:court-lady",
+    ];
+    desk.gear(&other)
+        .exits(2)
+        .says("holds nothing of small.yaml")
+        .says("--input");
+    desk.gear(&["cache", "clear"]).exits(0);
+    desk.gear(&["cache", "export", "all.tar"]).exits(2).says("is empty");
+    assert_eq!(std::fs::read(desk.path("all.tar")).unwrap(), before);
+}
+
+#[test]
 fn a_folder_that_gear_did_not_make_is_not_touched() {
     let desk = small();
     desk.file("mine.txt", "mine");
@@ -108,8 +132,15 @@ fn a_folder_that_gear_did_not_make_is_not_touched() {
     // Nor is a store made where a folder has contents of its own.
     std::fs::create_dir_all(desk.path("contents")).unwrap();
     let run = [RUN, &["--store", &here]].concat();
-    desk.gear(&run).exits(0).says("no store");
-    assert_eq!(desk.listing("contents"), Vec::<String>::new());
+    desk.gear(&run)
+        .exits(2)
+        .says("is no store and is not empty")
+        .says("it holds");
+    std::fs::remove_dir(desk.path("contents")).unwrap();
+    desk.gear(&run).exits(2);
+    let import = ["cache", "import", "mine.txt", "--store", &here];
+    desk.gear(&import).exits(2);
+    assert_eq!(desk.listing(""), ["mine.txt", "small.yaml"]);
 }
 
 #[test]

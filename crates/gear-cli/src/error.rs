@@ -116,6 +116,22 @@ pub enum CliError {
     /// An archive of a store cannot be written or taken.
     #[error("{0}")]
     Archive(gear_graph::ArchiveError),
+    /// An archive would hold nothing.
+    #[error("{}", nothing_to_export(path, graph.as_deref()))]
+    NothingToExport {
+        /// The folder of the store.
+        path: PathBuf,
+        /// The graph whose run was asked for.
+        graph: Option<String>,
+    },
+    /// A folder that is no store, and holds what is not gear's.
+    #[error("--store {}: this folder is no store and is not empty: it holds `{holds}`; name a new or an empty folder, or a store", path.display())]
+    NotForAStore {
+        /// The folder.
+        path: PathBuf,
+        /// Something in it.
+        holds: String,
+    },
     /// The run was asked for in a way that cannot be.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
     Run(Vec<RunMistake>),
@@ -255,6 +271,17 @@ impl CliError {
             Self::Run(mistakes) if mistakes.iter().any(|m| matches!(m, RunMistake::NoThread { .. })) => Exit::Failed,
             _ => Exit::Mistake,
         }
+    }
+}
+
+fn nothing_to_export(path: &std::path::Path, graph: Option<&str>) -> String {
+    let store = path.display();
+    match graph {
+        None => format!("the store {store} is empty; nothing was written. `gear run` fills it"),
+        Some(graph) => format!(
+            "the store {store} holds nothing of {graph} as it was asked for; nothing was written. Give the --input and --set that \
+             it was run with, or `gear run` it first"
+        ),
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use gear_graph::{Archived, Registry, Store, StoreStat, Verified};
+use gear_graph::{ArchiveError, Archived, Registry, Store, StoreStat, Verified};
 use gear_splat::DeviceChoice;
 
 use crate::args::{CacheCommand, ExportArgs, GraphArgs, PlanArgs, StoreArgs, TextFormat};
@@ -22,6 +22,7 @@ pub fn cache(command: &CacheCommand, registry: &Registry, console: &Console) -> 
         CacheCommand::Clear { store } => clear(&open(store, console)?, console),
         CacheCommand::Export(args) => export(args, registry, console),
         CacheCommand::Import { file, store } => {
+            plan::not_among_files(store.store.as_deref())?;
             let path = path(store)?;
             // The only one that may make a store: not for a file that is none.
             if !Store::exists(&path) {
@@ -195,11 +196,11 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
     let store_path = existing(&args.store)?;
     let store = Store::look_at(store_path.clone());
     let archived = match &args.graph {
-        None => store.export(&args.file).map_err(CliError::Archive)?,
-        Some(graph) => {
+        None => store.export(&args.file).map_err(|error| nothing(error, None))?,
+        Some(name) => {
             let asked = PlanArgs {
                 graph: GraphArgs {
-                    graph: graph.clone(),
+                    graph: name.clone(),
                     set: args.set.clone(),
                 },
                 input: args.input.clone(),
@@ -217,7 +218,7 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
             let graph = plan::open(&asked, registry, Some(&store), console)?;
             let run = plan::set_up(&asked, &graph, Some(Arc::clone(&store)))?;
             let exported = store.export_run(&args.file, &run).map_err(CliError::Run)?;
-            let (archived, missing) = exported.map_err(CliError::Archive)?;
+            let (archived, missing) = exported.map_err(|error| nothing(error, Some(name)))?;
             if missing > 0 {
                 console.note(&format!(
                     "{} of this run {} not in the store; `gear run` first, to export all of it",
@@ -228,15 +229,6 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
             archived
         }
     };
-    if archived.records == 0 && archived.contents == 0 {
-        console.warning(&format!(
-            "nothing was exported: {}",
-            match &args.graph {
-                None => format!("the store {} is empty", store_path.display()),
-                Some(graph) => format!("the store {} holds nothing of {graph}", store_path.display()),
-            }
-        ));
-    }
     if archived.lost > 0 {
         let (are, digests) = match archived.lost {
             1 => ("is", "its digest"),
@@ -255,6 +247,17 @@ fn export(args: &ExportArgs, registry: &Registry, console: &Console) -> Result<E
         sizes::bytes(archived.bytes)
     ));
     Ok(Exit::Done)
+}
+
+/// An export that found nothing, with what to do; any other error as it is.
+fn nothing(error: ArchiveError, graph: Option<&str>) -> CliError {
+    match (error, graph) {
+        (ArchiveError::Nothing { path }, graph) => CliError::NothingToExport {
+            path,
+            graph: graph.map(str::to_owned),
+        },
+        (error, _) => CliError::Archive(error),
+    }
 }
 
 /// What was found sound.

@@ -41,7 +41,10 @@ pub fn curve(args: &CurveArgs, registry: &Registry, console: &Console) -> Result
         forecast(&plan, console);
         return Ok(Exit::Done);
     }
-    let folder = Folder::probe(&args.out)?;
+    let folder = match args.dry_run {
+        true => None,
+        false => Some(Folder::probe(&args.out)?),
+    };
     let name = Path::new(args.curve.trim_start_matches('@')).file_stem();
     let name = name.unwrap_or_default().to_string_lossy().into_owned();
     let curve = match args.curve.ends_with(".csv") {
@@ -63,6 +66,16 @@ pub fn curve(args: &CurveArgs, registry: &Registry, console: &Console) -> Result
             .svg()
             .map(|svg| File::new(format!("{name}.svg"), svg.into_bytes())),
     );
+    let Some(folder) = folder else {
+        for file in files {
+            let path = args.out.join(&file.name);
+            console.result(&format!(
+                "{} would be drawn from the table again; nothing is timed",
+                path.display()
+            ));
+        }
+        return Ok(Exit::Done);
+    };
     for file in files {
         console.result(&folder.write(&file)?.display().to_string());
     }

@@ -1,6 +1,6 @@
 //! `gear plan`: what a run would do. Setting a run up is the same for `gear run`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use gear_graph::{Digest, Graph, PlannedState, Registry, Run, Store};
@@ -57,9 +57,18 @@ pub fn open(args: &PlanArgs, registry: &Registry, store: Option<&Store>, console
     Ok(graph)
 }
 
-/// The store that the arguments ask for, to work with; it is made if it is not there.
-pub fn open_store(args: &PlanArgs, console: &Console) -> Option<Arc<Store>> {
-    store_path(args, console).map(|path| Arc::new(Store::open(path)))
+/// The store that the arguments ask for, to work with; it is made if it is not there, but not among other files.
+pub fn open_store(args: &PlanArgs, console: &Console) -> Result<Option<Arc<Store>>, CliError> {
+    not_among_files(args.store.as_deref().filter(|_| !args.no_cache))?;
+    Ok(store_path(args, console).map(|path| Arc::new(Store::open(path))))
+}
+
+/// Refuses a folder that was named for a store and holds something else.
+pub fn not_among_files(store: Option<&Path>) -> Result<(), CliError> {
+    match store.and_then(|path| Some((path.to_path_buf(), Store::in_the_way(path)?))) {
+        Some((path, holds)) => Err(CliError::NotForAStore { path, holds }),
+        None => Ok(()),
+    }
 }
 
 /// The same, to look at: nothing is made and nothing is written.

@@ -24,7 +24,7 @@ use crate::results::{PAGE, Place, Results, foreseen};
 use super::plan::{open, open_store, set_up};
 
 pub fn run(args: &RunArgs, registry: &Registry, console: &Console) -> Result<Exit, CliError> {
-    let store = open_store(&args.run, console);
+    let store = open_store(&args.run, console)?;
     let graph = open(&args.run, registry, store.as_deref(), console)?;
     let mut run = set_up(&args.run, &graph, store.clone())?;
     let folder = Folder::probe(&args.out)?;

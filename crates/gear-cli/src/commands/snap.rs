@@ -75,7 +75,7 @@ pub fn snap(args: &SnapArgs, registry: &Registry, console: &Console) -> Result<E
         no_elision: false,
         onnxruntime: None,
     };
-    let store = open_store(&plan, console);
+    let store = open_store(&plan, console)?;
     let graph = open(&plan, registry, store.as_deref(), console)?.into_snapshots();
     if graph.snapshots().is_empty() {
         return Err(refuse(format!(
@@ -141,11 +141,10 @@ fn tell(
             ""
         };
         console.result(&format!("{}{pinned}", snap::line(snapshot)));
-        for number in snapshot.numbers.iter().filter(|_| !snapshot.state.passes()).take(8) {
-            console.result(&format!(
-                "{:16}   {}: {} → {}",
-                "", number.path, number.before, number.after
-            ));
+        if !snapshot.state.passes() {
+            for told in snap::moved_most(&snapshot.numbers, 8) {
+                console.result(&format!("{:16}   {told}", ""));
+            }
         }
     }
     if args.accept.as_ref().is_none_or(|names| !names.is_empty()) {

@@ -86,6 +86,12 @@ pub enum ArchiveError {
         /// What is wrong.
         problem: String,
     },
+    /// There is nothing to write; an archive that was there is as it was.
+    #[error("the store {} holds nothing of what was asked for; nothing was written", path.display())]
+    Nothing {
+        /// The folder of the store.
+        path: PathBuf,
+    },
     /// The store cannot be written.
     #[error("the store {} cannot be written{}", path.display(), problem.as_ref().map(|p| format!(" ({p})")).unwrap_or_default())]
     ReadOnly {
@@ -132,6 +138,11 @@ impl Store {
             cause,
         };
         may_become_an_archive(to).map_err(io)?;
+        if records.is_empty() {
+            return Err(ArchiveError::Nothing {
+                path: self.root.clone(),
+            });
+        }
         let mut contents = BTreeSet::new();
         let mut actions = Vec::new();
         let mut keys = BTreeSet::new();

@@ -28,9 +28,23 @@ pub fn new_file(prefix: &str, folder: &Path) -> io::Result<tempfile::NamedTempFi
 /// Backup programs leave out folders with a file that begins so (bford.info/cachedir).
 const TAG: &str = "Signature: 8a477f597d28d172789f06886806bc55\n# Made by gear; may be deleted at any time.\n";
 
+/// How the tag is named until it is complete.
+const TAG_PREFIX: &str = ".tag-";
+
 /// Whether a folder is a store.
 pub fn is_store(root: &Path) -> bool {
     fs::read(root.join("CACHEDIR.TAG")).is_ok_and(|tag| tag == TAG.as_bytes())
+}
+
+/// Something in a folder that is not of a store that is being made; none if it is a store, is empty or is not there.
+pub fn foreign(root: &Path) -> Option<String> {
+    // What a system puts into an empty folder by itself, and what `prepare` writes before its tag.
+    let ours = |name: &str| name.starts_with(TAG_PREFIX) || [".DS_Store", "lost+found"].contains(&name);
+    let names = fs::read_dir(root).into_iter().flatten().flatten();
+    let names = names.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    let found = names.filter(|name| !ours(name)).min()?;
+    // Asked last: another process may have made the store meanwhile.
+    (!is_store(root)).then_some(found)
 }
 
 /// Makes the folders, and finds out whether they can be written.
@@ -49,7 +63,7 @@ pub fn prepare(root: &Path) -> io::Result<()> {
             }
         }
         fs::create_dir_all(root)?;
-        let mut tag = new_file(".tag-", root)?;
+        let mut tag = new_file(TAG_PREFIX, root)?;
         tag.write_all(TAG.as_bytes())?;
         tag.persist(root.join("CACHEDIR.TAG")).map_err(|error| error.error)?;
     }

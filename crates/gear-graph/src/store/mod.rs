@@ -167,6 +167,12 @@ impl Store {
         contents::is_store(root)
     }
 
+    /// Something in a folder that is no store, so that whoever asks people for a folder can refuse to make one among their
+    /// files; none if it is a store, is empty or is not there.
+    pub fn in_the_way(root: &Path) -> Option<String> {
+        contents::foreign(root)
+    }
+
     /// Bytes that the store takes at most.
     pub fn limit(&self) -> u64 {
         self.limit

@@ -401,5 +401,45 @@ pub fn line(snapshot: &Compared) -> String {
     format!("{:<16} {state:<8} {:<24} {what}", snapshot.name, snapshot.port)
 }
 
+/// Lines that tell the numbers which moved most, these first, at most so many; what is no number any more, or was none,
+/// comes before them.
+pub fn moved_most(numbers: &[compare::Number], most: usize) -> Vec<String> {
+    let by = |number: &compare::Number| match (number.before.as_f64(), number.after.as_f64()) {
+        (Some(before), Some(after)) => (before - after).abs(),
+        _ => f64::INFINITY,
+    };
+    let mut sorted: Vec<&compare::Number> = numbers.iter().collect();
+    sorted.sort_by(|a, b| by(b).total_cmp(&by(a)));
+    let lines = sorted.iter().take(most).map(|number| {
+        let (before, after) = told_apart(&number.before, &number.after);
+        format!("{}: {before} → {after}", number.path)
+    });
+    let mut lines: Vec<_> = lines.collect();
+    match numbers.len().saturating_sub(most) {
+        0 => {}
+        more => lines.push(format!("… and {more} more")),
+    }
+    lines
+}
+
+/// Two values with five digits, or with as many as tell them apart.
+fn told_apart(before: &Json, after: &Json) -> (String, String) {
+    let text = |json: &Json, digits: usize| match json.as_f64() {
+        Some(number) => {
+            // Rounded in decimal, and written as JSON writes the rounded number.
+            let rounded: f64 = format!("{number:.*e}", digits - 1).parse().unwrap_or(number);
+            Json::from(rounded).to_string().trim_end_matches(".0").to_owned()
+        }
+        None => json.to_string(),
+    };
+    for digits in 5..17 {
+        let both = (text(before, digits), text(after, digits));
+        if both.0 != both.1 {
+            return both;
+        }
+    }
+    (before.to_string(), after.to_string())
+}
+
 #[cfg(test)]
 mod tests;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use gear_graph::{Context, GraphSource, Inputs, Node, NodeError, Outputs, Params, Registry, Report, Run, Want};
 use gear_image::{Field, Image, SrgbImage};
+use serde_json::json;
 
 use super::*;
 
@@ -197,4 +198,24 @@ fn snapshots_that_were_made_from_different_inputs_are_refused() {
             .to_string()
             .contains("`field` is a and b")
     );
+}
+
+#[test]
+fn numbers_that_moved_most_are_told_first_and_rounded() {
+    let number = |path: &str, before: serde_json::Value, after: serde_json::Value| compare::Number {
+        path: path.to_owned(),
+        before,
+        after,
+    };
+    let numbers = [
+        number("little", json!(0.123456789), json!(0.123456999)),
+        number("more", json!(12.345678901), json!(2)),
+        number("word", json!("a"), json!("b")),
+        number("some", json!(1), json!(2)),
+    ];
+    assert_eq!(
+        moved_most(&numbers, 3),
+        ["word: \"a\" → \"b\"", "more: 12.346 → 2", "some: 1 → 2", "… and 1 more"]
+    );
+    assert_eq!(moved_most(&numbers[..1], 3), ["little: 0.1234568 → 0.123457"]);
 }

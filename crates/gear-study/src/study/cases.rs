@@ -100,8 +100,9 @@ pub(super) fn read(
         sampled(entries, tree, samples, reader, &mut cases);
     }
     if let Some(tree) = get(entries, "files") {
+        let mut seen = std::collections::BTreeSet::new();
         for pattern in reader.words(tree, "`files`") {
-            let found = matching(folder, &pattern.value);
+            let mut found = matching(folder, &pattern.value);
             if found.is_empty() {
                 let message = format!("no file matches `{}`", pattern.value);
                 let help = format!(
@@ -110,6 +111,8 @@ pub(super) fn read(
                 );
                 reader.error("no-case", message, pattern.span, "nothing found", Some(help));
             }
+            // A file that two patterns match is one case.
+            found.retain(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
             cases.extend(found.into_iter().map(|path| Case {
                 name: stem(&path),
                 picture: Source::File(path),

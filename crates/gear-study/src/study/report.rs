@@ -153,8 +153,12 @@ pub fn document(study: &Study, results: &Results, sheets: &[(usize, Picture)], c
     }
     blocks.push(Block::Table(main_table(study, results)));
     blocks.push(Block::Text(format!(
-        "Mean ± standard deviation over {} cases; the best of each column is bold.{}",
+        "Mean ± standard deviation over {} cases{}; the best of each column is bold.{}",
         study.cases.len(),
+        match all_have_values(study, results) {
+            true => "",
+            false => ", or over the n of them that have a value where a cell says so",
+        },
         match &study.paper {
             Some(paper) => format!(" Columns *published*: {}.", paper.source).replace('*', ""),
             None => String::new(),
@@ -217,12 +221,25 @@ fn number(measure: &Measure, value: f64) -> String {
     format!("{value:.*}", measure.digits)
 }
 
-fn spread_text(measure: &Measure, spread: Option<Spread>) -> String {
-    match spread {
-        None => "–".to_owned(),
-        Some(s) if s.count == 1 => number(measure, s.mean),
-        Some(s) => format!("{} ± {}", number(measure, s.mean), number(measure, s.deviation)),
+/// Mean and deviation; also over how many of the cases, where it is not all of them.
+fn spread_text(measure: &Measure, spread: Option<Spread>, cases: usize) -> String {
+    let Some(s) = spread else {
+        return "–".to_owned();
+    };
+    let mut text = number(measure, s.mean);
+    if s.count > 1 {
+        text = format!("{text} ± {}", number(measure, s.deviation));
     }
+    match s.count < cases {
+        true => format!("{text} ({} of {cases})", s.count),
+        false => text,
+    }
+}
+
+/// Whether every measure has a value in every case.
+fn all_have_values(study: &Study, results: &Results) -> bool {
+    let values = |v: usize, m: usize| results.values(study, v, m).iter().all(Option::is_some);
+    (0..study.variants.len()).all(|v| (0..study.measures.len()).all(|m| values(v, m)))
 }
 
 /// The variant that is best in a measure, by its mean.
@@ -279,7 +296,7 @@ fn main_table(study: &Study, results: &Results) -> Table {
     for (v, variant) in study.variants.iter().enumerate() {
         let mut row = vec![variant.label.clone()];
         for (m, measure) in study.measures.iter().enumerate() {
-            let text = spread_text(measure, results.spread(study, v, m, &all));
+            let text = spread_text(measure, results.spread(study, v, m, &all), study.cases.len());
             row.push(if bests[m] == Some(v) {
                 format!("**{text}**")
             } else {
@@ -409,7 +426,7 @@ fn group_table(study: &Study, results: &Results, group: &str) -> Table {
         for (v, variant) in study.variants.iter().enumerate() {
             let mut row = vec![value.clone(), variant.label.clone(), count.to_string()];
             for (m, measure) in study.measures.iter().enumerate() {
-                let text = spread_text(measure, results.spread(study, v, m, &inside));
+                let text = spread_text(measure, results.spread(study, v, m, &inside), count);
                 row.push(if bests[m] == Some(v) {
                     format!("**{text}**")
                 } else {

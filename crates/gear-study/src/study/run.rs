@@ -16,6 +16,7 @@ use super::report::{self, File};
 use super::results::{Results, Row};
 use super::share::identities;
 use crate::painting::painting;
+use crate::read::did_you_mean;
 
 /// What a study needs of whoever runs it.
 pub struct Host<'h> {
@@ -219,7 +220,13 @@ impl Study {
             let value = values
                 .entry(&measure.output)
                 .or_insert_with(|| outcome.value(&measure.output));
-            *slot = value.as_ref().and_then(|value| measure.read(value));
+            match value.as_ref().map(|value| measure.read(value)) {
+                Some(Ok(number)) => *slot = number,
+                Some(Err(absent)) => {
+                    row.failure.get_or_insert(absent);
+                }
+                None => {}
+            }
         }
         let views = self.views.as_ref().map(|output| shown(&outcome, output));
         let files = report::pictures(self, &mut row, painting, views.unwrap_or_default());
@@ -252,12 +259,73 @@ impl Study {
 }
 
 impl Measure {
-    /// The number in a value of its output; `None` if it is undefined there.
-    pub fn read(&self, value: &AnyValue) -> Option<f64> {
-        if let Some(number) = value.get::<Number>() {
-            return self.path.is_empty().then_some(number.0);
+    /// The number in a value of its output; `None` if it is there and undefined (`null`).
+    ///
+    /// # Errors
+    /// If the value has no such number: a sentence that names some that it has.
+    pub fn read(&self, value: &AnyValue) -> Result<Option<f64>, String> {
+        let report = match (value.get::<Number>(), value.get::<Report>()) {
+            (Some(number), _) if self.path.is_empty() => return Ok(Some(number.0)),
+            (_, Some(report)) => report,
+            _ => return Err(format!("measure `{}`: `{}` is no Report", self.name, self.output)),
+        };
+        let mut place = &report.0;
+        for name in &self.path {
+            let next = match place {
+                serde_json::Value::Null => return Ok(None),
+                serde_json::Value::Array(items) => name.parse::<usize>().ok().and_then(|at| items.get(at)),
+                other => other.get(name),
+            };
+            place = next.ok_or_else(|| self.absent(&report.0, "has no"))?;
         }
-        number_at(&value.get::<Report>()?.0, &self.path)
+        match place {
+            serde_json::Value::Null => Ok(None),
+            serde_json::Value::Number(number) => Ok(number.as_f64()),
+            _ => Err(self.absent(&report.0, "has no number at")),
+        }
+    }
+
+    /// That a report lacks the number, and what it has instead.
+    fn absent(&self, report: &serde_json::Value, lacks: &str) -> String {
+        let path = self.path.join(".");
+        let mut numbers = Vec::new();
+        numbers_of("", report, &mut numbers);
+        let near = did_you_mean(&path, numbers.iter().map(String::as_str));
+        let more = match numbers.len().saturating_sub(SOME) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        let some = match numbers.is_empty() {
+            true => "no number at all".to_owned(),
+            false => numbers[..numbers.len().min(SOME)].join(", ") + &more,
+        };
+        let near = near.map(|near| format!("; {near}")).unwrap_or_default();
+        format!(
+            "measure `{}`: the report `{}` {lacks} `{path}`; it has {some}{near}",
+            self.name, self.output
+        )
+    }
+}
+
+/// How many numbers are named to somebody who asked for one that is not there.
+const SOME: usize = 6;
+
+/// The paths of all numbers of a report, and of those that are undefined.
+fn numbers_of(path: &str, json: &serde_json::Value, found: &mut Vec<String>) {
+    let below = |key: &str| match path {
+        "" => key.to_owned(),
+        path => format!("{path}.{key}"),
+    };
+    match json {
+        serde_json::Value::Object(entries) => entries
+            .iter()
+            .for_each(|(key, json)| numbers_of(&below(key), json, found)),
+        serde_json::Value::Array(items) => {
+            let items = items.iter().enumerate();
+            items.for_each(|(at, json)| numbers_of(&below(&at.to_string()), json, found));
+        }
+        serde_json::Value::Number(_) | serde_json::Value::Null => found.push(path.to_owned()),
+        _ => {}
     }
 }
 

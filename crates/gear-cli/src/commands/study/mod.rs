@@ -15,11 +15,13 @@ use gear_study::study::{self, Host, Step, Study};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::bundle::File;
+use crate::commands::plan::not_among_files;
 use crate::commands::run::interruption;
 use crate::console::Console;
 use crate::error::{CliError, Exit};
 use crate::folder::Folder;
 use crate::graphs;
+use crate::sizes::counted;
 
 pub use samples::Painter;
 
@@ -59,6 +61,7 @@ pub struct Machine {
 impl Machine {
     /// The store, or a mistake: what experiments share, they share over a store.
     pub fn open_store(&self) -> Result<Arc<Store>, CliError> {
+        not_among_files(self.store.as_deref())?;
         let path = self.store.clone().or_else(Store::default_path);
         let path = path.ok_or(CliError::NoStore { path: None })?;
         Ok(Arc::new(Store::open(path)))
@@ -144,6 +147,17 @@ pub fn study(args: &StudyArgs, registry: &Registry, console: &Console) -> Result
     }
     if !args.quiet {
         console.remark(&study::report::computed(&study, &results));
+    }
+    for (m, measure) in study.measures.iter().enumerate() {
+        let done = results.rows.iter().filter(|row| row.failure.is_none());
+        let undefined = done.filter(|row| row.values[m].is_none()).count();
+        if undefined > 0 {
+            console.note(&format!(
+                "`{}` is undefined in {undefined} of {}: an empty cell each",
+                measure.name,
+                counted(results.rows.len(), "row")
+            ));
+        }
     }
     let failed = results.rows.iter().filter(|row| row.failure.is_some()).count();
     if failed > 0 {
