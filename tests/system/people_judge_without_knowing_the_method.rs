@@ -42,6 +42,25 @@ fn a_ballot_is_made_from_runs_and_its_answers_are_counted() {
         "2",
     ])
     .exits(0);
+    // The same ballot may be made again; another one does not take its key away.
+    let again = [
+        "ballot",
+        "a=gear-method",
+        "b=raw-method",
+        "--about",
+        "about.csv",
+        "--sheets",
+        "2",
+    ];
+    desk.gear(&again).exits(0);
+    let before = desk.listing("");
+    let other = [&again[..], &["--seed", "2"]].concat();
+    desk.gear(&other)
+        .exits(2)
+        .says("the key of another ballot")
+        .says("--out");
+    assert_eq!(desk.listing(""), before);
+    desk.gear(&[&other[..], &["--out", "second.html"]].concat()).exits(0);
     let page = std::fs::read_to_string(desk.path("ballot.html")).unwrap();
     assert_eq!(
         page.matches("data:image/jpeg").count(),

@@ -77,6 +77,7 @@ fn make(args: &BallotArgs, console: &Console) -> Result<Exit, CliError> {
     let page = ballot::page(&args.title, &cases, &key, &sheets)?;
     let beside = args.key.clone().unwrap_or_else(|| args.out.with_extension("key.json"));
     let text = serde_json::to_string_pretty(&key).map_err(|e| BallotError::Nothing(e.to_string()))?;
+    spare_another_key(&beside, &key)?;
     write(&args.out, page.as_bytes())?;
     write(&beside, (text + "\n").as_bytes())?;
     for case in cases.iter().filter(|case| case.painting.is_none()) {
@@ -96,6 +97,27 @@ fn make(args: &BallotArgs, console: &Console) -> Result<Exit, CliError> {
         beside.display()
     ));
     Ok(Exit::Done)
+}
+
+/// Refuses to replace what the answers to another ballot are counted with.
+fn spare_another_key(file: &Path, key: &Key) -> Result<(), BallotError> {
+    let refuse = |found: String| {
+        Err(BallotError::File {
+            file: file.to_path_buf(),
+            cause: format!("{found}; choose another --out (or --key), or remove the file first"),
+        })
+    };
+    if !file.exists() {
+        return Ok(());
+    }
+    match read::<Key>(file) {
+        Ok(found) if found.ballot == key.ballot => Ok(()),
+        Ok(found) => refuse(format!(
+            "this is the key of another ballot, {} instead of {}, and without it nobody can count the answers to that one",
+            found.ballot, key.ballot
+        )),
+        Err(_) => refuse("there is a file already, and it is no key of a ballot".to_owned()),
+    }
 }
 
 fn collect(args: &BallotArgs, given: &Given) -> Result<Collected, BallotError> {
