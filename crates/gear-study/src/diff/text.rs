@@ -88,11 +88,15 @@ pub fn text(comparison: &Comparison, all: bool) -> String {
         more += output.numbers.len().saturating_sub(each);
         for (place, a, b) in output.numbers.iter().take(each) {
             let told = |n: &Option<f64>| n.map_or("nothing".to_owned(), short);
+            let (told_a, told_b) = match (a, b) {
+                (Some(a), Some(b)) => told_apart(*a, *b),
+                _ => (told(a), told(b)),
+            };
             let by = match (a, b) {
                 (Some(a), Some(b)) => format!("  ({}{})", if b >= a { "+" } else { "−" }, short((b - a).abs())),
                 _ => String::new(),
             };
-            outputs.push(format!("  {place}: {} → {}{by}", told(a), told(b)));
+            outputs.push(format!("  {place}: {told_a} → {told_b}{by}"));
         }
     }
     if more > 0 {
@@ -136,6 +140,20 @@ fn status(of_record: &str) -> String {
     }
 }
 
+/// Two numbers as [`short`] tells them, or with as many digits as tell them apart.
+fn told_apart(a: f64, b: f64) -> (String, String) {
+    let digits = |n: usize| {
+        let rounded = |x: f64| format!("{x:.*e}", n - 1).parse::<f64>().unwrap_or(x).to_string();
+        (rounded(a), rounded(b))
+    };
+    let brief = (short(a), short(b));
+    let mut longer = (5..=17).map(digits);
+    match brief.0 == brief.1 && a != b {
+        true => longer.find(|(a, b)| a != b).unwrap_or(brief),
+        false => brief,
+    }
+}
+
 /// Whole numbers as they are, others with four significant digits.
 fn short(value: f64) -> String {
     let size = value.abs();
@@ -153,5 +171,24 @@ fn short(value: f64) -> String {
         }
     } else {
         format!("{value:.2e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_numbers_that_differ_look_different() {
+        assert_eq!(
+            told_apart(0.445_61, 0.445_62),
+            ("0.44561".to_owned(), "0.44562".to_owned())
+        );
+        assert_eq!(
+            told_apart(-5.795_01, -5.794_93),
+            ("-5.795".to_owned(), "-5.7949".to_owned())
+        );
+        assert_eq!(told_apart(22242.0, 22239.0), ("22242".to_owned(), "22239".to_owned()));
+        assert_eq!(told_apart(1.0, 1.0), ("1".to_owned(), "1".to_owned()));
     }
 }
