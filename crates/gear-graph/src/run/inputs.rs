@@ -305,7 +305,7 @@ pub(super) fn resolve(run: &Run<'_>) -> Result<Vec<Given>, Vec<RunMistake>> {
 }
 
 /// A file and those beside it that are there: their digest, which is that of the file alone if none is, and stamps.
-#[allow(clippy::type_complexity)] // a pair, named by the sentence above
+#[allow(clippy::type_complexity, reason = "a pair, named by the sentence above")]
 fn hash_files(
     path: &Path,
     beside: Vec<PathBuf>,

@@ -1,5 +1,5 @@
 //! A table that `gear curve` draws, as it is written by programs that measure kernels: a part of several of them.
-#![allow(dead_code)] // each uses some of it
+#![allow(dead_code, reason = "each uses some of it")]
 
 use std::time::Instant;
 

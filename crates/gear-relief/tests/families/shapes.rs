@@ -147,7 +147,7 @@ pub fn albedo(kind: &str) -> LinearImage {
 
 /// How it is painted.
 #[derive(Clone, Copy)]
-#[allow(dead_code)] // the table prints the name, the gate does not
+#[allow(dead_code, reason = "the table prints the name, the gate does not")]
 pub struct Manner {
     pub name: &'static str,
     /// Share of the true shading's contrast.

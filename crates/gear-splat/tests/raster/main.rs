@@ -1,6 +1,6 @@
 //! The fast rasteriser against the f64 reference: pictures, gradients, adversarial scenes, determinism.
 
-#![allow(clippy::unwrap_used)] // helpers of tests, outside `#[test]` functions
+#![allow(clippy::unwrap_used, reason = "helpers of tests, outside `#[test]` functions")]
 
 mod agreement;
 mod determinism;
